@@ -41,16 +41,12 @@ class Rest:
     ----------
     begin : casadi.Function
         ``begin(u, p, q) -> (x, y)``: state and results at rest with displacements q [m], which are the first states.
-    balance : casadi.Function
-        ``balance(u, p, q) -> (f, accepted)``: forces [N] at these displacements, zero where held, and the largest force over
-        the stiffness of its node [m/s2] that rounding leaves.
     finder : callable or None
         Returns ``find(u, p) -> q`` for one row per case; a row is not a number where there is no rest. None: ``init`` finds
         it without an iteration that could run away, in batches too.
     """
 
     begin: ca.Function
-    balance: ca.Function
     finder: Callable[[], Callable[[Matrix, Matrix], Matrix]] | None
 
 
@@ -141,7 +137,6 @@ class StepModel:
         init: Callable[[Values, Values], tuple[State, Results]],
         step: Callable[[State, Values, Values, ca.MX], tuple[State, Results]],
         begin: Callable[[ca.MX, Values, Values], tuple[State, Results]] | None = None,
-        balance: Callable[[ca.MX, Values, Values], tuple[ca.MX, ca.MX]] | None = None,
         n_q: int = 0,
         finder: Callable[[], Callable[[Matrix, Matrix], Matrix]] | None = None,
         table_column: ca.MX | None = None,
@@ -159,9 +154,8 @@ class StepModel:
             locals by name, arrays as columns.
         step : callable
             ``step(x, u, p, h) -> (x_next, results)`` with states as ``init`` returns them.
-        begin, balance, n_q, finder : optional
-            Of a model of n_q displacements: ``begin(q, u, p) -> (x, results)``, ``balance(q, u, p) -> (f, accepted)``, and
-            the last attribute of ``Rest``.
+        begin, n_q, finder : optional
+            Of a model of n_q displacements: ``begin(q, u, p) -> (x, results)``, and the last attribute of ``Rest``.
         table_column : casadi.MX, optional
             Symbol for ``tables.numbers`` that both use.
         **rest
@@ -181,12 +175,11 @@ class StepModel:
         x_next, y = step(unpack(x0, x), inputs, parameters, h)
         t = [] if table_column is None else [table_column]
         at_rest = None
-        if begin is not None and balance is not None:
+        if begin is not None:
             q = ca.MX.sym("q", n_q)
             x_q, y_q = begin(q, inputs, parameters)
             at_rest = Rest(
                 begin=ca.Function("begin", [u, p, q, *t], [pack(x_q), in_order(results, y_q)]),
-                balance=ca.Function("balance", [u, p, q, *t], [*balance(q, inputs, parameters)]),
                 finder=finder,
             )
         return cls(

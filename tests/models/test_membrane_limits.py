@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from gossamer.descriptions import load_structure
-from gossamer_models import Stepper
+from gossamer_models import ConvergenceError, Stepper
 from gossamer_models.membrane import (
     Gas,
     Load,
@@ -20,6 +20,7 @@ from gossamer_models.membrane import (
 )
 from gossamer_models.mistakes import DescriptionError
 from oracles.meshes import meshed, rectangle, started, tube
+from oracles.shells import shell
 
 SHIPPED = Path(__file__).parents[2] / "orchestrator" / "membranes"
 FILM = Region(youngs_modulus=2.5e9, poisson_ratio=0.34, density=1400.0, thickness=25e-6, prestress=(1e6, 1e6, 0.0))
@@ -162,6 +163,14 @@ def test_a_torus_of_nine_nodes_and_the_shipped_sail_of_order_4_start(tmp_path):
         model.warn = lambda text: None
         model.initialize()
         assert 1e-3 < model.get("largest_strain") < 0.05
+
+
+def test_a_balloon_that_runs_away_is_refused():
+    """It was accepted at a strain of 9e5, where the forces that are left had grown with it."""
+    model = Stepper(membrane_model(shell("balloon")))
+    model.set("gas_amount", 3.0)
+    with pytest.raises(ConvergenceError, match="stretched beyond any use"):
+        model.initialize()
 
 
 def test_a_film_that_is_hardly_strained_is_not_said_to_wrinkle():

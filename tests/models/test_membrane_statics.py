@@ -37,8 +37,10 @@ def test_point_loads_on_a_prestressed_square_bend_it_as_in_kratos():
         assert q[node, 2] == pytest.approx(expected, abs=1e-7)
 
 
-@pytest.mark.parametrize(("stress", "pressure"), [(1e4, 1e-6), (1e6, 1e-4), (1e3, 9e-6)])
-def test_a_soft_film_under_a_small_load_deflects_as_in_closed_form(stress, pressure):
+@pytest.mark.parametrize(
+    ("stress", "pressure", "n"), [(1e4, 1e-6, 8), (1e6, 1e-4, 8), (1e3, 9e-6, 8), (1e4, 1e-6, 16), (1e3, 1e-8, 16)]
+)
+def test_a_soft_film_under_a_small_load_deflects_as_in_closed_form(stress, pressure, n):
     """Such films began with 0.24 to 0.33 of it, where forces that round in the stiff plane were taken for an equilibrium.
 
     Prestress alone: 0.07367 p L^2/(S h), a Fourier series. With what the film stretches: D. Maier-Schneider, J. Maibach,
@@ -48,14 +50,14 @@ def test_a_soft_film_under_a_small_load_deflects_as_in_closed_form(stress, press
     film = Region(
         youngs_modulus=modulus, poisson_ratio=nu, density=1400.0, thickness=h, prestress=(stress, stress, 0.0)
     )
-    file, load = meshed([rectangle(L, L)], 8, points=rim(L)), Load(name="pressure", start=pressure)
+    file, load = meshed([rectangle(L, L)], n, points=rim(L)), Load(name="pressure", start=pressure)
     w = started(file, regions=(film,), supports=RIM, loads=(load,))[2][:, 2].max()
     linear, stiffening = (
         3.45 * stress * h / (L / 2) ** 2,
         1.994 * (1 - 0.271 * nu) / (1 - nu) * modulus * h / (L / 2) ** 4,
     )
     assert w == pytest.approx(brentq(lambda x: linear * x + stiffening * x**3 - pressure, 0.0, 1.0), rel=0.03)
-    if stress > 1e3:  # it stretches by next to nothing
+    if (stress, pressure) != (1e3, 9e-6):  # it stretches by next to nothing
         assert w == pytest.approx(0.0736713 * pressure * L**2 / (stress * h), rel=0.015)
 
 

@@ -65,6 +65,8 @@ class MembraneEquations:
         True: write sums over elements as loops for compiled code. False: as expressions for CasADi's virtual machine.
     mapped : bool
         Expressions that map one element's function, whose code is small, rather than those that are fast.
+    rest : ndarray, shape (3 M,), optional
+        Displacements [m] in which the search for an equilibrium begins.
 
     Attributes
     ----------
@@ -76,11 +78,13 @@ class MembraneEquations:
         The loops of compiled code.
     """
 
-    def __init__(self, structure: Structure, *, compiled: bool = False, mapped: bool = False) -> None:
+    def __init__(
+        self, structure: Structure, *, compiled: bool = False, mapped: bool = False, rest: Vector | None = None
+    ) -> None:
         self.structure, self._compiled, self._is_mapped = structure, compiled, mapped
         self.n_q = 3 * len(structure.moving)
         self._rank = np.argsort(structure.order)
-        arrays = _arrays(structure)
+        arrays = _arrays(structure) | {"rest": np.zeros(self.n_q) if rest is None else rest}
         self._numbers = np.concatenate([*arrays.values()])
         self.column = ca.MX.sym("t", self._numbers.size) if compiled else None
         self.arrays = _named(arrays, self.column)

@@ -10,6 +10,7 @@ one, the displacements are not a number.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -26,6 +27,9 @@ NEWTON_STEPS = 8
 # moves the slowest mode in play by this share of the positions, which a soft film under a small load still lacks.
 SETTLED = 1e-6
 FLOOR = 4.0 * np.finfo(float).eps
+BEYOND = (
+    1e4  # of use: the squared stretch from which on forces that grow excuse nothing, as in a balloon that runs away
+)
 PATIENCE, GROWTH, MOST = 5000, 10.0 ** (6.0 / 5000), 1e6  # steps; factor after each further one; as much at most
 # accepted of Newton's method, over modulus * thickness * size of an element * stretch^3; round-off is 1e-16
 PLANE = 1e-11
@@ -160,3 +164,41 @@ def _assembled(blocks: ca.MX, rows: NDArray[np.int64], size: int) -> ca.MX:
     known = key[key < size**2]
     pattern = ca.Sparsity.triplet(size, size, (known % size).tolist(), (known // size).tolist())
     return ca.MX(pattern, sum_at(place, ca.vec(blocks), len(known) + 1)[: len(known)])
+
+
+def with_dead_loads(equations: MembraneEquations, f: ca.MX, u: Values) -> ca.MX:
+    """Add the forces that keep their direction [N]."""
+    t = equations.arrays
+    if "edge_force" in t:
+        f += t["edge_force"]
+    for name in equations.structure.unit_forces:
+        f += getattr(u, name) * t[f"unit_{name}"]
+    return f
+
+
+def of_base(equations: MembraneEquations, u: Values, factor: Any = 1.0) -> ca.MX:  # noqa: ANN401
+    """Write the acceleration of the base [m/s2], times a factor, for the nodes that move, shape (3 M,)."""
+    a = factor * u.base_acceleration
+    return ca.vec(ca.repmat(ca.vertcat(0.0, 0.0, a) if a.is_scalar() else a, 1, equations.n_q // 3))
+
+
+def balance(equations: MembraneEquations, q: ca.MX, u: Values, p: Values) -> tuple[ca.MX, ca.MX, ca.MX]:
+    """Write what ``relax`` balances, at rest without the built-in pressure.
+
+    Masses are those of the stiffnesses, so that neither a small element nor a stiff region nor ``inplane_mass`` delays the
+    others. On a frame that flies the base does not accelerate.
+    """
+    shared = equations.shared(u, p, ca.MX(0.0), equations.gas_of_start(u))
+    stiffer = ca.mmax(p.youngs_modulus / ca.DM([r.youngs_modulus for r in equations.structure.setup.regions]))
+    parts = [ca.fabs(shared[name]) for name in ("along", "across", "shear") if name in shared]
+    strained = ca.mmax(sum(parts)) if parts else 0.0
+    x = equations.positions(q, u, p)
+    found = equations.forces(x, shared, p)
+    f = with_dead_loads(equations, found.f, u)[: equations.n_q]
+    if hasattr(u, "base_acceleration"):
+        mass = ca.vec(ca.repmat(equations.mass(p)[: equations.n_q // 3].T, 3, 1))
+        f -= mass * of_base(equations, u)
+    strain = ca.fmax(found.strain, 0.0)
+    rate = stiffer * (1.0 + 2.0 * strain + strained)  # rho c^2 over D is below what is in brackets
+    # as forces grow, and their rounding
+    return equations.arrays["free"] * f, rate, FLOOR * stiffer * (1.0 + ca.fmin(strain, BEYOND)) ** 1.5 * ca.norm_inf(x)

@@ -20,9 +20,10 @@ from ..mistakes import Mistake, raise_any
 from ..step_model import StepModel
 from ..variables import Values
 from .assembly import Forces, MembraneEquations
-from .equilibrium import FLOOR, in_plane, relax
+from .equilibrium import balance, in_plane, of_base, relax, with_dead_loads
 from .frame import RESTARTED, FrameState, flying
 from .gauges import Gauge
+from .newton import Newton
 from .portable import FILE, structure_text
 from .riding import Rider
 from .setup import Setup
@@ -118,7 +119,9 @@ def membrane_model(
     setup = structure.setup
     if frame:
         raise_any([*_cannot_ride(structure)])
-    equations = MembraneEquations(structure, compiled=compiled, mapped=mapped)
+    variables = flying(structure.table) if frame else structure.table
+    rest = None if structure.starts_in_plane else Newton(MembraneEquations(structure), variables).start()
+    equations = MembraneEquations(structure, compiled=compiled, mapped=mapped, rest=rest)
     rider = Rider(equations, compiled=compiled) if frame else None
     n, t = equations.n_q, equations.arrays
     table = structure.table
@@ -126,28 +129,14 @@ def membrane_model(
     gauges = [_gauge(structure, gauge) for gauge in structure.gauges]
     probes = {name: ca.sparsify(ca.DM(weights[:, structure.moving])) for name, weights in structure.probes.items()}
 
-    def with_dead_loads(f: ca.MX, u: Values) -> ca.MX:
-        if "edge_force" in t:
-            f += t["edge_force"]
-        for name in structure.unit_forces:
-            f += getattr(u, name) * t[f"unit_{name}"]
-        return f
-
     def only_free(vectors: ca.MX) -> ca.MX:
         return vectors if structure.free.reshape(-1, 3)[structure.moving].all() else t["free"] * vectors
-
-    def base(u: Values, factor: Any = 1.0) -> ca.MX:  # noqa: ANN401 acceleration of the base, of the nodes that move
-        a = factor * u.base_acceleration
-        return ca.vec(ca.repmat(ca.vertcat(0.0, 0.0, a) if a.is_scalar() else a, 1, n // 3))
-
-    def mass(p: Values) -> ca.MX:  # once for each of x, y, z of the nodes that move
-        return ca.vec(ca.repmat(equations.mass(p)[: n // 3].T, 3, 1))
 
     def gained(
         f: ca.MX, u: Values, p: Values, gain: ca.MX
     ) -> ca.MX:  # velocity in a time ``gain``; few passes over nodes
         k = setup.inplane_mass
-        v = gain * equations.lightness(p) * (t["mobility"] * f) - only_free(base(u, gain))
+        v = gain * equations.lightness(p) * (t["mobility"] * f) - only_free(of_base(equations, u, gain))
         if k == 1.0:
             return v
         across = ca.vec(ca.repmat(_products(v, t["normals"]).T, 3, 1))
@@ -166,13 +155,13 @@ def membrane_model(
         def pulled(at: ca.MX) -> tuple[Forces, ca.MX, ca.MX]:
             if setup.gas is None:
                 found = equations.forces(at, equations.shared(u, p, built_in, ca.MX(0.0)), p)
-                return found, with_dead_loads(found.f, u), ca.MX(0.0)
+                return found, with_dead_loads(equations, found.f, u), ca.MX(0.0)
             V = all_volume(equations.volume(at), x.volume)
             inside = equations.filled(u) * (all_volume(x.volume, x.volume) / V) ** setup.gas.exponent
             gas = inside - setup.gas.ambient
             found = equations.forces(at, equations.shared(u, p, built_in, gas), p)
             found = replace(found, rate=found.rate + setup.gas.exponent * inside / V * equations.gas_mobility())
-            return found, with_dead_loads(found.f, u), gas
+            return found, with_dead_loads(equations, found.f, u), gas
 
         phase = phase_end - ca.floor(phase_end)
         if rider is not None:
@@ -200,33 +189,18 @@ def membrane_model(
         phase -= ca.floor(phase)
         V = ca.MX.zeros(0) if setup.gas is None else equations.volume(at)
         if rider is not None:
-            ride = rider.start(q, found, with_dead_loads(found.f, u), gas, u, p)
+            ride = rider.start(q, found, with_dead_loads(equations, found.f, u), gas, u, p)
             state = MembraneState(q, ride.s, phase, V, ride.frame)
             return state, results(state, u, p, found, gas) | ride.results
         state = MembraneState(q, ca.MX.zeros(n), phase, V, ca.MX.zeros(0))
         return state, results(state, u, p, found, gas)
-
-    def balance(q: ca.MX, u: Values, p: Values) -> tuple[ca.MX, ca.MX, ca.MX]:
-        # masses of its own, so that neither a small element nor a stiff region nor inplane_mass delays the others
-        shared = equations.shared(u, p, ca.MX(0.0), equations.gas_of_start(u))
-        stiffer = ca.mmax(p.youngs_modulus / ca.DM([r.youngs_modulus for r in setup.regions]))
-        parts = [ca.fabs(shared[name]) for name in ("along", "across", "shear") if name in shared]
-        strained = ca.mmax(sum(parts)) if parts else 0.0
-        x = equations.positions(q, u, p)
-        found = equations.forces(x, shared, p)
-        f = with_dead_loads(found.f, u)[:n]
-        f = f if frame else f - mass(p) * base(u)
-        strain = ca.fmax(found.strain, 0.0)
-        rate = stiffer * (1.0 + 2.0 * strain + strained)  # rho c^2 over D is below what is in brackets
-        # as forces grow, and their rounding
-        return t["free"] * f, rate, FLOOR * stiffer * (1.0 + strain) ** 1.5 * ca.norm_inf(x)
 
     def relaxed(u: Values, p: Values) -> tuple[ca.MX, ca.MX]:
         given = [(ca.MX.sym(name, value.numel()), value) for name, value in [*vars(u).items(), *vars(p).items()]]
         by_symbol = SimpleNamespace(**{symbol.name(): symbol for symbol, _ in given})
         if equations.column is not None:
             given.append((equations.column, equations.column))
-        return relax(lambda q: balance(q, by_symbol, by_symbol), ca.MX.zeros(n), t["stiffness"], given)
+        return relax(lambda q: balance(equations, q, by_symbol, by_symbol), t["rest"], t["stiffness"], given)
 
     def results(state: MembraneState, u: Values, p: Values, found: Forces, gas: ca.MX) -> dict[str, ca.MX]:
         x = equations.positions(state.q, u, p)
@@ -251,7 +225,6 @@ def membrane_model(
             values |= {"gas_pressure": gas, "volume": all_volume(equations.volume(x), state.volume)}
         return {name: value for name, value in values.items() if name in names}
 
-    variables = flying(table) if frame else table
     return StepModel.written(
         name="membrane",
         description=_description(structure) + ", on a frame that flies" * frame,
@@ -259,7 +232,6 @@ def membrane_model(
         init=init,
         step=step,
         begin=begin,
-        balance=lambda q, u, p: balance(q, u, p)[::2],
         n_q=n,
         finder=None if structure.starts_in_plane else partial(_equilibrium, structure, frame=frame),
         step_limit="max_step",

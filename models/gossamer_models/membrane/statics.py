@@ -7,9 +7,8 @@ and ``p`` parameters in the model's order; ``m`` cases, ``z`` zones, ``s`` senso
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -23,15 +22,10 @@ from ..errors import ParameterError
 from ..step_model import StepModel
 from ..variables import by_name
 from .assembly import MembraneEquations
+from .newton import STALLED, Known, Newton, column
 from .structure import Structure
 
-SOFTEST = 1e-9  # added to the tangent, over the stiffness of a node: what a slack film lacks
-MOST_STEPS = 60
-CONTRACTION = 0.5  # of the forces in a step with kept factors; if they fall less, the tangent is factored anew
-STALLED = 1e3  # over the forces that rounding leaves: accepted where they fall no further
 KEPT = 32  # equilibria of the undamaged membrane
-_SHARES = (1.0, 0.5, 0.2, 0.05, 0.01)  # of a Newton step, until the forces fall
-_SOFTER = (0.0, 1e-7, 1e-5, 1e-3, 1e-1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,23 +116,19 @@ class Equilibrium:
             raise ParameterError(msg)
         equations, rest = MembraneEquations(structure), model.at_rest
         n, n_nodes = equations.n_q, len(structure.mesh.nodes)
-        self._init, self._begin, self._balance = model.init, rest.begin, rest.balance
+        self._init, self._begin = model.init, rest.begin
+        self.newton = Newton(equations, model.variables)
+        self.free = self.newton.free
         p_rows, u_rows, y_rows = model.slices()
         self._table = CaseTable(model=model.name, parameters=model.variables[p_rows], inputs=model.variables[u_rows])
         self._damages = [i for i, name in enumerate(model.names[u_rows]) if name.startswith("damage[")]
-        self._stiffness = np.repeat(structure.stiffness[structure.moving], 3)
-        self.free = np.flatnonzero(structure.free.reshape(-1, 3)[structure.moving].ravel())
 
         u, p, q = arguments = [ca.MX.sym(name, rest.begin.size1_in(i)) for i, name in enumerate("upq")]
         inputs, parameters = by_name(model.variables[u_rows], u), by_name(model.variables[p_rows], p)
         x = equations.positions(q, inputs, parameters)
-        f, _ = rest.balance.call(arguments, True, False)
+        f, _ = self.newton.balance.call(arguments, True, False)
         relevant = ca.which_depends(f, ca.vertcat(u, p), 1, False)
         self._relevant = np.array(relevant[: u.numel()]), np.array(relevant[u.numel() :])
-
-        shared = equations.shared(inputs, parameters, ca.MX(0.0), equations.gas_of_start(inputs))
-        self._blocks = ca.Function("blocks", arguments, [ca.vec(b) for b in equations.tangents(x, shared, parameters)])
-        self._pattern = _Pattern([equations.places(block) for block in structure.elements], self.free, n)
 
         order = np.argsort(structure.order)
         away = ca.reshape(x - equations.arrays["nodes"], 3, n_nodes)[:, order.tolist()]
@@ -152,9 +142,9 @@ class Equilibrium:
         self._pushed = ca.Function("pushed", [*arguments, du, dp], [ca.densify(ca.jtimes(f, given, moved))])
         change = ca.jtimes(seen, ca.vertcat(given, q), ca.vertcat(moved, dq))
         self._changed = ca.Function("changed", [*arguments, *directions], [ca.densify(change)])
-        self._shape = n_nodes, len(rows)
-        self._healthy: OrderedDict[bytes, _Known | None] = OrderedDict()
-        self._first: _Known | None = None
+        self._shape, self._n_q = (n_nodes, len(rows)), n
+        self._healthy: OrderedDict[bytes, Known | None] = OrderedDict()
+        self._first: Known | None = None
         self._is_begun, self._is_loaded_later = False, structure.starts_in_plane
 
     def __call__(self, u: Matrix, p: Matrix) -> Matrix:
@@ -180,9 +170,9 @@ class Equilibrium:
         p, u = values[:, :n_p], values[:, n_p:]
         q = self(u, p)
         rows = list(zip(u, p, q, strict=True))
-        seen = np.array([_column(self._seen(*row)) for row in rows])
+        seen = np.array([column(self._seen(*row)) for row in rows])
         displacement, strain = self._split(seen)
-        x = np.array([_column(self._begin(*row)[0]) for row in rows])
+        x = np.array([column(self._begin(*row)[0]) for row in rows])
         x[np.isnan(q).any(axis=1)] = np.nan
         return Equilibria(u=u, p=p, q=q, x=x, displacement=displacement, strain=strain)
 
@@ -215,7 +205,7 @@ class Equilibrium:
             at = found.u[case], found.p[case], found.q[case]
             pushed = np.asarray(self._pushed(*(np.tile(a[:, None], len(places)) for a in at), du, dp))
             dq = np.zeros((found.q.shape[1], len(places)))
-            dq[self.free] = splu(self._stiffened(*at)).solve(np.ascontiguousarray(pushed[self.free]))
+            dq[self.free] = splu(self.newton.stiffened(*at)).solve(np.ascontiguousarray(pushed[self.free]))
             at_all = (np.tile(a[:, None], len(places)) for a in at)
             changes[case] = np.asarray(self._changed(*at_all, du, dp, dq)).T
         displacement, strain = self._split(changes)
@@ -223,20 +213,11 @@ class Equilibrium:
 
     def tangent(self, found: Equilibria, case: int) -> scipy.sparse.csc_matrix:
         """Return K [N/m] of a case for the displacements ``free``, sparse, shape (free, free)."""
-        return self._tangent(found.u[case], found.p[case], found.q[case])
+        return self.newton.tangent(found.u[case], found.p[case], found.q[case])
 
     def _split(self, seen: Cube) -> tuple[Cube, Cube]:
         n_nodes, _ = self._shape
         return seen[..., : 3 * n_nodes].reshape(*seen.shape[:-1], n_nodes, 3), seen[..., 3 * n_nodes :]
-
-    def _tangent(self, u: Vector, p: Vector, q: Vector) -> scipy.sparse.csc_matrix:
-        blocks = self._blocks(u, p, q)
-        return self._pattern.matrix([_column(b) for b in (blocks if isinstance(blocks, tuple) else (blocks,))])
-
-    def _stiffened(self, u: Vector, p: Vector, q: Vector, softer: float = 0.0) -> scipy.sparse.csc_matrix:
-        """Return the tangent that can be factored where the film is slack."""
-        more = scipy.sparse.diags((SOFTEST + softer) * self._stiffness[self.free], format="csc")
-        return scipy.sparse.csc_matrix(self._tangent(u, p, q) + more)
 
     def _find(self, u: Vector, p: Vector) -> Vector:
         """Return the displacements of one case."""
@@ -245,111 +226,33 @@ class Equilibrium:
         known = self._known(healthy, p)
         if known is not None and np.array_equal(healthy, u):
             return known.q
-        q = None if known is None else self._newton(u, p, known)
+        q = None if known is None else self.newton.reach(u, p, known)
         return self._relaxed(u, p) if q is None else q
 
-    def _known(self, u: Vector, p: Vector) -> _Known | None:
+    def _known(self, u: Vector, p: Vector) -> Known | None:
         """Return the equilibrium of the undamaged membrane under the loads of a case, kept or found."""
         key = np.concatenate([u[self._relevant[0]], p[self._relevant[1]]]).tobytes()
         if key not in self._healthy:
             q = None
             if (first := self._begun()) is not None:
-                q = self._newton(u, p, first)
+                q = self.newton.reach(u, p, first)
             q = self._relaxed(u, p) if q is None else q
-            self._healthy[key] = None if np.isnan(q).any() else _Known(u.copy(), p.copy(), q)
+            self._healthy[key] = None if np.isnan(q).any() else Known(u.copy(), p.copy(), q)
             if len(self._healthy) > KEPT:
                 self._healthy.popitem(last=False)
         self._healthy.move_to_end(key)
         return self._healthy[key]
 
-    def _begun(self) -> _Known | None:
+    def _begun(self) -> Known | None:
         """Return the equilibrium at the start values, if there is one."""
         if not self._is_begun:
             u, p = (np.array([v.start or 0.0 for v in rows]) for rows in (self._table.inputs, self._table.parameters))
             u[self._damages] = 0.0
             q = self._relaxed(u, p)
-            self._first, self._is_begun = None if np.isnan(q).any() else _Known(u, p, q), True
+            self._first, self._is_begun = None if np.isnan(q).any() else Known(u, p, q), True
         return self._first
 
     def _relaxed(self, u: Vector, p: Vector) -> Vector:
         """Return the displacements that the model's own ``init`` finds, not a number where it leaves loads out."""
-        q = _column(self._init(u, p)[0])[: len(self._stiffness)]
-        return np.full_like(q, np.nan) if self._is_loaded_later and self._left(u, p, q)[1] > STALLED else q
-
-    def _left(self, u: Vector, p: Vector, q: Vector) -> tuple[Vector, float]:
-        """Return the forces on free displacements [N], and the largest over what is accepted."""
-        f, accepted = self._balance(u, p, q)
-        column = _column(f)
-        left = float(np.max(np.abs(column / self._stiffness))) / float(accepted)
-        return np.asarray(column[self.free]), left if np.isfinite(left) else np.inf
-
-    def _newton(self, u: Vector, p: Vector, known: _Known) -> Vector | None:
-        """Return the equilibrium that Newton's method reaches from one that is known, None if it reaches none."""
-        q, solve, is_kept = known.q.copy(), known.factors(self._stiffened), True
-        f, left = self._left(u, p, q)
-        for _ in range(MOST_STEPS):
-            if left <= 1.0:
-                return q
-            step = solve(f)
-            fallen = None
-            for share in _SHARES[: 1 if is_kept else None]:
-                to = q.copy()
-                to[self.free] += share * step
-                f_to, left_to = self._left(u, p, to)
-                if np.isfinite(left_to) and np.linalg.norm(f_to) < (CONTRACTION if is_kept else 1.0) * np.linalg.norm(
-                    f
-                ):
-                    fallen = to, f_to, left_to
-                    break
-            if fallen is not None:
-                q, f, left = fallen
-                is_kept = True
-                continue
-            if not is_kept:
-                return q if left <= STALLED else None
-            solve, is_kept = splu(self._stiffened(u, p, q)).solve, False
-        return None
-
-
-class _Known:
-    """An equilibrium, with the factors of its tangent once they are needed."""
-
-    def __init__(self, u: Vector, p: Vector, q: Vector) -> None:
-        self.u, self.p, self.q = u, p, q
-        self._solve: Callable[[Vector], Vector] | None = None
-
-    def factors(self, tangent: Callable[..., scipy.sparse.csc_matrix]) -> Callable[[Vector], Vector]:
-        """Return what solves with its tangent."""
-        solve = self._solve or splu(tangent(self.u, self.p, self.q)).solve
-        self._solve = solve
-        return solve
-
-    def __getstate__(self) -> tuple[Vector, Vector, Vector]:
-        return self.u, self.p, self.q
-
-    def __setstate__(self, state: tuple[Vector, Vector, Vector]) -> None:
-        self.__init__(*state)  # type: ignore[misc]
-
-
-class _Pattern:
-    """Where the blocks of elements belong in the tangent of the free displacements."""
-
-    def __init__(self, places: Sequence[NDArray[np.int64]], free: NDArray[np.int64], n: int) -> None:
-        number = np.full(n + 1, -1)
-        number[free] = np.arange(len(free))
-        row = np.concatenate([np.tile(number[at], at.shape[1]).ravel() for at in places])
-        column = np.concatenate([np.repeat(number[at], at.shape[1], axis=1).ravel() for at in places])
-        self._used = (row >= 0) & (column >= 0)
-        size = len(free)
-        known, self._place = np.unique(column[self._used] * size + row[self._used], return_inverse=True)
-        self._indices, self._starts = known % size, np.searchsorted(known, size * np.arange(size + 1))
-        self._size = size
-
-    def matrix(self, blocks: Sequence[Vector]) -> scipy.sparse.csc_matrix:
-        """Sum blocks, each column by column, into ``-sum``."""
-        values = -np.bincount(self._place, np.concatenate(blocks)[self._used], len(self._indices))
-        return scipy.sparse.csc_matrix((values, self._indices, self._starts), shape=(self._size, self._size))
-
-
-def _column(value: Any) -> Vector:  # noqa: ANN401
-    return np.asarray(value).ravel(order="F")
+        q = column(self._init(u, p)[0])[: self._n_q]
+        return np.full_like(q, np.nan) if self._is_loaded_later and self.newton.left(u, p, q)[1] > STALLED else q

@@ -1,0 +1,180 @@
+r"""Newton's method for a membrane at rest, outside of the model's functions: from a known equilibrium, or from none.
+
+Symbols: ``q`` displacements of the moving nodes [m], M of them; ``f`` forces [N]; ``K`` = -df/dq tangent [N/m]; ``M``
+stiffnesses of the nodes [N/m]; ``mu`` shift [1]; ``u`` inputs and ``p`` parameters in the model's order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import scipy.sparse
+from numpy.typing import NDArray
+from scipy.sparse.linalg import splu
+
+from ..arrays import Vector
+from ..variables import Variable, by_name
+from .assembly import MembraneEquations
+from .equilibrium import balance
+
+SOFTEST = 1e-9  # added to the tangent, over the stiffness of a node: what a slack film lacks
+MOST_STEPS = 60
+CONTRACTION = 0.5  # of the forces in a step with kept factors; if they fall less, the tangent is factored anew
+STALLED = 1e3  # over the forces that rounding leaves: accepted where they fall no further
+_SHARES = (1.0, 0.5, 0.2, 0.05, 0.01)  # of a Newton step, until the forces fall
+_SHIFT, _FALL = 1e-3, 0.1  # mu at first, and its factor after a step
+_REFUSED = 3  # steps at most in which the energy rises: slack films gain nothing over relaxation
+
+
+class Newton:
+    """Forces and tangent of a membrane at rest, and Newton's method on them.
+
+    Parameters
+    ----------
+    equations : MembraneEquations
+        Those without loops.
+    variables : tuple of Variable
+        Table of the model.
+
+    Attributes
+    ----------
+    balance : casadi.Function
+        ``balance(u, p, q) -> (f, accepted)``: forces [N] at these displacements, zero where held, and the largest force over
+        the stiffness of its node [m/s2] that rounding leaves.
+    free : ndarray of int
+        Places in q of the displacements that are not held.
+    """
+
+    def __init__(self, equations: MembraneEquations, variables: tuple[Variable, ...]) -> None:
+        structure, n = equations.structure, equations.n_q
+        inputs, parameters = ([v for v in variables if v.causality == kind] for kind in ("input", "parameter"))
+        self._start = tuple(np.array([v.start or 0.0 for v in rows]) for rows in (inputs, parameters))
+        self._stiffness = np.repeat(structure.stiffness[structure.moving], 3)
+        self.free = np.flatnonzero(structure.free.reshape(-1, 3)[structure.moving].ravel())
+        u, p, q = arguments = [ca.MX.sym(*of) for of in (("u", len(inputs)), ("p", len(parameters)), ("q", n))]
+        by_name_u, by_name_p = by_name(inputs, u), by_name(parameters, p)
+        f, _, accepted = balance(equations, q, by_name_u, by_name_p)
+        self.balance = ca.Function("balance", arguments, [f, accepted])
+        x = equations.positions(q, by_name_u, by_name_p)
+        shared = equations.shared(by_name_u, by_name_p, ca.MX(0.0), equations.gas_of_start(by_name_u))
+        self._blocks = ca.Function("blocks", arguments, [ca.vec(b) for b in equations.tangents(x, shared, by_name_p)])
+        self._pattern = _Pattern([equations.places(block) for block in structure.elements], self.free, n)
+
+    def tangent(self, u: Vector, p: Vector, q: Vector) -> scipy.sparse.csc_matrix:
+        """Return K [N/m] for the free displacements."""
+        blocks = self._blocks(u, p, q)
+        return self._pattern.matrix([column(b) for b in (blocks if isinstance(blocks, tuple) else (blocks,))])
+
+    def stiffened(self, u: Vector, p: Vector, q: Vector, mu: float = 0.0) -> scipy.sparse.csc_matrix:
+        """Return the tangent that can be factored where the film is slack."""
+        more = scipy.sparse.diags((SOFTEST + mu) * self._stiffness[self.free], format="csc")
+        return scipy.sparse.csc_matrix(self.tangent(u, p, q) + more)
+
+    def left(self, u: Vector, p: Vector, q: Vector) -> tuple[Vector, float]:
+        """Return the forces on free displacements [N], and the largest over what is accepted."""
+        f, accepted = self.balance(u, p, q)
+        all_forces = column(f)
+        left = float(np.max(np.abs(all_forces / self._stiffness))) / float(accepted)
+        return np.asarray(all_forces[self.free]), left if np.isfinite(left) else np.inf
+
+    def start(self) -> Vector | None:
+        r"""Return the equilibrium of the start values, None if none is reached from the place of the mesh.
+
+        Notes
+        -----
+        Steps :math:`d = (K + \mu M)^{-1} f`. Where the energy falls by the trapezoidal rule, :math:`f' \cdot d > -f \cdot
+        d/2` with the forces f' after the step, the step is taken and the shift falls; else it rises. It ends where the
+        forces are accepted and fall no further, and soon gives up a film that is slack where it starts.
+        """
+        u, p = self._start
+        q, mu, refused = np.zeros(len(self._stiffness)), _SHIFT, 0
+        f, left = self.left(u, p, q)
+        for _ in range(MOST_STEPS):
+            step = splu(self.stiffened(u, p, q, mu)).solve(f)
+            to = q.copy()
+            to[self.free] += step
+            f_to, left_to = self.left(u, p, to)
+            if left <= 1.0 and left_to >= left:
+                return q
+            if left_to < np.inf and f_to @ step > -0.5 * (f @ step):
+                q, f, left, mu = to, f_to, left_to, _FALL * mu
+                continue
+            mu, refused = mu / _FALL, refused + 1
+            if refused > _REFUSED:
+                break
+        return None
+
+    def reach(self, u: Vector, p: Vector, known: Known) -> Vector | None:
+        """Return the equilibrium that is reached from one that is known, None if none is."""
+        q, solve, is_kept = known.q.copy(), known.factors(self.stiffened), True
+        f, left = self.left(u, p, q)
+        for _ in range(MOST_STEPS):
+            if left <= 1.0:
+                return q
+            step = solve(f)
+            fallen = None
+            for share in _SHARES[: 1 if is_kept else None]:
+                to = q.copy()
+                to[self.free] += share * step
+                f_to, left_to = self.left(u, p, to)
+                if np.isfinite(left_to) and np.linalg.norm(f_to) < (CONTRACTION if is_kept else 1.0) * np.linalg.norm(
+                    f
+                ):
+                    fallen = to, f_to, left_to
+                    break
+            if fallen is not None:
+                q, f, left = fallen
+                is_kept = True
+                continue
+            if not is_kept:
+                return q if left <= STALLED else None
+            solve, is_kept = splu(self.stiffened(u, p, q)).solve, False
+        return None
+
+
+class Known:
+    """An equilibrium, with the factors of its tangent once they are needed."""
+
+    def __init__(self, u: Vector, p: Vector, q: Vector) -> None:
+        self.u, self.p, self.q = u, p, q
+        self._solve: Callable[[Vector], Vector] | None = None
+
+    def factors(self, tangent: Callable[..., scipy.sparse.csc_matrix]) -> Callable[[Vector], Vector]:
+        """Return what solves with its tangent."""
+        solve = self._solve or splu(tangent(self.u, self.p, self.q)).solve
+        self._solve = solve
+        return solve
+
+    def __getstate__(self) -> tuple[Vector, Vector, Vector]:
+        return self.u, self.p, self.q
+
+    def __setstate__(self, state: tuple[Vector, Vector, Vector]) -> None:
+        self.__init__(*state)  # type: ignore[misc]
+
+
+class _Pattern:
+    """Where the blocks of elements belong in the tangent of the free displacements."""
+
+    def __init__(self, places: Sequence[NDArray[np.int64]], free: NDArray[np.int64], n: int) -> None:
+        number = np.full(n + 1, -1)
+        number[free] = np.arange(len(free))
+        row = np.concatenate([np.tile(number[at], at.shape[1]).ravel() for at in places])
+        column = np.concatenate([np.repeat(number[at], at.shape[1], axis=1).ravel() for at in places])
+        self._used = (row >= 0) & (column >= 0)
+        size = len(free)
+        known, self._place = np.unique(column[self._used] * size + row[self._used], return_inverse=True)
+        self._indices, self._starts = known % size, np.searchsorted(known, size * np.arange(size + 1))
+        self._size = size
+
+    def matrix(self, blocks: Sequence[Vector]) -> scipy.sparse.csc_matrix:
+        """Sum blocks, each column by column, into ``-sum``."""
+        values = -np.bincount(self._place, np.concatenate(blocks)[self._used], len(self._indices))
+        return scipy.sparse.csc_matrix((values, self._indices, self._starts), shape=(self._size, self._size))
+
+
+def column(value: Any) -> Vector:  # noqa: ANN401
+    """Return the numbers of a CasADi matrix column by column."""
+    return np.asarray(value).ravel(order="F")
