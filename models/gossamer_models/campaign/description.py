@@ -24,7 +24,8 @@ Pair = tuple[float, float]
 MOST_STEPS = 1_000_000
 MOST_CASES_PER_CHUNK = 4096
 DEEPEST = 0.95  # largest damage that the membrane takes [1]
-SENSOR_GAIN, NOISE = "sensor_gain", "noise"  # what can vary and is no variable of the membrane
+SENSOR_GAIN = "sensor_gain"  # it and the noise can vary and are no variables of the membrane
+NOISE = "noise"
 ONSET = "onset"
 
 
