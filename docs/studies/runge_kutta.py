@@ -40,4 +40,5 @@ def runge_kutta_membrane(elements_per_side: int, order: int) -> StepModel:
         end - ca.floor(end),
     )
     _, y = verlet.step(x_next, u, p, 0.0)
-    return replace(verlet, step=ca.Function("step", [x, u, p, h], [x_next, y]), description="By Runge and Kutta")
+    step = ca.Function("step", [x, u, p, h], [x_next, y])
+    return replace(verlet, step=step, compiled=None, description="By Runge and Kutta")

@@ -139,9 +139,10 @@ def campaign(
     from .descriptions import locating
     from .pages.campaign import campaign_page
 
+    if out is not None:
+        keep_inputs([campaign, plan.get("setup"), plan.get("mesh")], [Path(out)])
     wanted, source, name = _planned(campaign, None, **plan)
     store = Path("out/campaigns") / f"{name}.zarr" if out is None else Path(out)
-    keep_inputs([campaign, plan.get("setup"), plan.get("mesh")], [store])
     bar = progress_bar(name)
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # a lost scheduler is one sentence here
     try:

@@ -217,6 +217,7 @@ class Structure:
         """Return the membrane with spectral elements two orders higher, or all other elements in four.
 
         Zones are divided anew where their description says where they are, and kept where it says how many parts alone.
+        A force on the nodes of a group keeps its sum, shared by their masses.
         """
         zones, mesh, raised = self.setup.zones, self.mesh, self.setup.order > 1
         if any(zone.parts for zone in zones):
@@ -227,7 +228,14 @@ class Structure:
         order = self.setup.order + 2 * raised
         setup = replace(self.setup, order=order, zones=zones, refine=0)
         found = make_structure(setup, refined(mesh, order, quarters=not raised))
-        return replace(found, setup=replace(setup, refine=self.setup.refine + (not raised)))
+        forces = dict(found.unit_forces)
+        for load in setup.loads:
+            if load.kind == "force":
+                shares = found.mass * forces[load.name].reshape(-1, 3).any(axis=1)
+                whole = self.unit_forces[load.name].reshape(-1, 3).sum(axis=0)
+                forces[load.name] = np.outer(shares / shares.sum(), whole).ravel()
+        setup = replace(setup, refine=self.setup.refine + (not raised))
+        return replace(found, setup=setup, unit_forces=forces)
 
 
 def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:

@@ -51,7 +51,8 @@ def first_period(structure: Structure, given: Mapping[str, ArrayLike] | None = N
     normals, k = structure.normals[structure.moving], structure.setup.inplane_mass
     across = np.einsum("ni,nj->nij", normals, normals)
     blocks = structure.mass[structure.moving, None, None] * (across + k * (np.eye(3) - across))
-    M = scipy.sparse.block_diag(blocks, format="csc")[:, equilibrium.free][equilibrium.free]
+    M = scipy.sparse.block_diag([scipy.sparse.csc_array(each) for each in blocks], format="csc")
+    M = M[:, equilibrium.free][equilibrium.free]
     shift = -_SHIFT * float(np.max(np.abs(K.diagonal()) / M.diagonal()))
     values = eigsh(K, 1, M=M, sigma=shift, return_eigenvectors=False)
     return math.tau / math.sqrt(max(float(values[0]), -shift))

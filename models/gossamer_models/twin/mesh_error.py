@@ -231,11 +231,12 @@ class MeshErrors:
 
     def _key(self, record: ResponseRecord) -> str:
         digest = hashlib.sha256()
-        setup, mesh = self.structure.setup, self.structure.mesh
+        setup, mesh, finer = self.structure.setup, self.structure.mesh, self.structure.finer()
         loads = [*sorted(record.inputs.items()), *sorted(record.start.items()), *sorted(self.parameters.items())]
         parts = [repr((setup, record.step, record.states, record.samples, type(record).__name__, PAIRS, STILL_FINER))]
         parts += [name for name, _ in loads]
         arrays = [mesh.nodes, *(block.elements for block in mesh.blocks), *(np.asarray(value) for _, value in loads)]
+        arrays += [finer.mesh.nodes, *finer.unit_forces.values()]
         digest.update(repr(parts).encode())
         for array in arrays:
             digest.update(np.ascontiguousarray(array).tobytes())
