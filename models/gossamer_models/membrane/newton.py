@@ -90,6 +90,8 @@ class Newton:
         forces are accepted and fall no further, and soon gives up a film that is slack where it starts.
         """
         u, p = self._start
+        if not len(self.free):  # all nodes are held
+            return None
         q, mu, refused = np.zeros(len(self._stiffness)), _SHIFT, 0
         f, left = self.left(u, p, q)
         for _ in range(MOST_STEPS):
