@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from ..arrays import Vector
 from ..mistakes import Mistake, raise_any
 from ..step_model import StepModel
 from ..variables import Values
@@ -58,6 +59,14 @@ class MembraneState:
     phase: ca.MX
     volume: ca.MX
     frame: FrameState | ca.MX
+
+
+@lru_cache(maxsize=4)
+def _rest(structure: Structure, *, frame: bool) -> Vector | None:
+    """Return where the relaxation of a structure begins, the same for all forms of its model; None where it is flat."""
+    if structure.starts_in_plane:
+        return None
+    return Newton(MembraneEquations(structure), flying(structure.table) if frame else structure.table).start()
 
 
 def membrane_model(
@@ -120,8 +129,7 @@ def membrane_model(
     if frame:
         raise_any([*_cannot_ride(structure)])
     variables = flying(structure.table) if frame else structure.table
-    rest = None if structure.starts_in_plane else Newton(MembraneEquations(structure), variables).start()
-    equations = MembraneEquations(structure, compiled=compiled, mapped=mapped, rest=rest)
+    equations = MembraneEquations(structure, compiled=compiled, mapped=mapped, rest=_rest(structure, frame=frame))
     rider = Rider(equations, compiled=compiled) if frame else None
     n, t = equations.n_q, equations.arrays
     table = structure.table

@@ -190,7 +190,8 @@ class MeshErrors:
         """
         noise = record.noise_deviation()
         key = self._key(record)
-        if (key, noise.tobytes()) not in self._known:
+        known = key, noise.tobytes()
+        if known not in self._known:
             file = kept_library([key], ".npz", lambda: self._simulated(record), "the error of a mesh")
             with np.load(file, allow_pickle=False) as arrays:
                 found = {name: arrays[name].astype(float) for name in ("strain", "slopes", "finer", "still_finer")}
@@ -202,10 +203,12 @@ class MeshErrors:
                 noise = noise * np.sqrt(np.mean(_moving(found["strain"]) ** 2, axis=1)) / np.array(change)
             noise = noise * math.sqrt(record.states / record.samples)  # a state is read several times
             noise = np.where(noise > 0.0, noise, np.nanmax(noise))  # of sensors that are left out
-            self._known[key, record.noise_deviation().tobytes()] = MeshError(
-                **found, noise=noise, static=isinstance(record, StaticRecord)
-            )
-        return self._known[key, record.noise_deviation().tobytes()]
+            self._known[known] = MeshError(**found, noise=noise, static=isinstance(record, StaticRecord))
+        return self._known[known]
+
+    @cached_property
+    def _finer(self) -> Structure:
+        return self.structure.finer()
 
     def doubts(self, found: MeshError) -> list[str]:
         """Return sentences on the error, and which order or mesh would do; none if it is small."""
@@ -231,12 +234,12 @@ class MeshErrors:
 
     def _key(self, record: ResponseRecord) -> str:
         digest = hashlib.sha256()
-        setup, mesh, finer = self.structure.setup, self.structure.mesh, self.structure.finer()
+        setup, mesh = self.structure.setup, self.structure.mesh
         loads = [*sorted(record.inputs.items()), *sorted(record.start.items()), *sorted(self.parameters.items())]
         parts = [repr((setup, record.step, record.states, record.samples, type(record).__name__, PAIRS, STILL_FINER))]
         parts += [name for name, _ in loads]
         arrays = [mesh.nodes, *(block.elements for block in mesh.blocks), *(np.asarray(value) for _, value in loads)]
-        arrays += [finer.mesh.nodes, *finer.unit_forces.values()]
+        arrays += [self._finer.mesh.nodes, *self._finer.unit_forces.values()]
         digest.update(repr(parts).encode())
         for array in arrays:
             digest.update(np.ascontiguousarray(array).tobytes())
@@ -246,11 +249,10 @@ class MeshErrors:
         """Simulate all pairs, and write them as an NPZ file of single precision."""
         z = self.structure.n_zones
         damage = np.vstack([np.zeros((1, z)), _random_damages(PAIRS - 1, z)])
-        finer = self.structure.finer()
-        still = finer.finer()
+        still = self._finer.finer()
         small = len(still.mesh.nodes) <= MOST_NODES
         near = np.vstack([np.zeros((1, z)), DAMAGE_STEP * np.eye(z)])
-        plan = [(self.structure, np.vstack([near, damage]), "as it is"), (finer, damage, "finer")]
+        plan = [(self.structure, np.vstack([near, damage]), "as it is"), (self._finer, damage, "finer")]
         plan += [(still, damage[:STILL_FINER], "still finer")] * small
         found = [self._strain(structure, rows, record, name) for structure, rows, name in plan]
         strain, own = found[0][0], found[0][1 + z :]
