@@ -14,47 +14,21 @@ from gossamer_models.campaign.symmetry import Symmetry, mirrors
 from gossamer_models.detector import judge_records, posterior_model
 from gossamer_models.detector.posterior_records import Training
 from gossamer_models.detector.posterior_training import train_posterior
-from gossamer_models.membrane import Load, Region, Sensor, Setup, Support, Zone, first_period, square_structure
-from oracles.meshes import disc, meshed
+from gossamer_models.membrane import Load, first_period, square_structure
+from oracles.dish import dish_file, dish_setup
 
 meshio = pytest.importorskip("meshio")
 pytest.importorskip("ziglang", reason="a campaign needs the compiler for its speed")
 
-NEAR = [(0.3, 0.1), (0.75, 0.1), (0.1, 0.75), (-0.75, -0.1), (-0.1, -0.75)]
-
-
-def lifted(patch):
-    def parabola(s, t):
-        x, y, _ = patch(s, t)
-        return x, y, 0.25 * (x**2 + y**2)
-
-    return parabola
-
 
 @pytest.fixture(scope="module")
 def setup(tmp_path_factory):
-    """A parabolic dish of 1 m radius that 500 Pa keep in shape, and 200 Pa at 12 Hz shake."""
-    file = meshed([lifted(patch) for patch in disc(1.0)], 3, points={"rim": lambda x, y, z: x**2 + y**2 > 0.999})
+    """The dish, which 200 Pa at 12 Hz shake."""
+    file = dish_file()
     path = tmp_path_factory.mktemp("dish") / "dish.inp"
     sets = {"rim": file.points["rim"]}
     meshio.write(path, meshio.Mesh(file.nodes, [("quad", file.quadrilaterals)], point_sets=sets))
-    middles = file.nodes[file.quadrilaterals].mean(axis=1)  # sensors lie in the middle of an element
-    points = [middles[np.argmin(np.linalg.norm(middles[:, :2] - place, axis=1))] for place in NEAR]
-    return Setup(
-        mesh=str(path),
-        law="hencky",
-        mass_damping=20.0,
-        pressure_amplitude=200.0,
-        pressure_frequency=12.0,
-        regions=(Region(youngs_modulus=4e8, poisson_ratio=0.3, density=1400.0, thickness=5e-5),),
-        supports=(Support(group="rim"),),
-        zones=(Zone(rings=(0.5,), sectors=(1, 4), name="ring {ring} sector {sector}"),),
-        loads=(Load(name="pressure", start=-500.0),),
-        sensors=tuple(
-            Sensor(point=(x, y, z), direction=(y, -x, 0.0) if k % 2 else (x, y, 0.0))
-            for k, (x, y, z) in enumerate(points)
-        ),
-    )
+    return dish_setup(file, mesh=str(path), pressure_amplitude=200.0, pressure_frequency=12.0)
 
 
 @pytest.fixture(scope="module")

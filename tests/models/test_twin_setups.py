@@ -20,7 +20,8 @@ from gossamer_models.twin.groups import alike
 from gossamer_models.twin.problem import ErrorWeights
 from gossamer_models.twin.record import best_wiring, other_wirings
 from gossamer_models.twin.simulation import SensedForward
-from oracles.meshes import disc, meshed, rectangle
+from oracles.dish import dish_file, dish_setup
+from oracles.meshes import meshed, rectangle
 
 pytest.importorskip("ziglang", reason="the twin needs the compiler for its speed")
 
@@ -32,34 +33,10 @@ LENGTH, WIDTH, THICKNESS, MODULUS = 1.0, 0.1, 1e-4, 1e8
 LOADS = np.array([2.0, 4.0, 6.0, 8.0])  # N on each of the two nodes at the end
 
 
-def lifted(patch):
-    def parabola(s, t):
-        x, y, _ = patch(s, t)
-        return x, y, 0.25 * (x**2 + y**2)
-
-    return parabola
-
-
 @pytest.fixture(scope="module")
 def dish():
-    """A parabolic dish of 1 m radius that 500 Pa keep in shape, in five zones: one in the middle, four around it."""
-    file = meshed([lifted(patch) for patch in disc(1.0)], 3, points={"rim": lambda x, y, z: x**2 + y**2 > 0.999})
-    middles = file.nodes[file.quadrilaterals].mean(axis=1)  # sensors lie in the middle of an element
-    near = [(0.3, 0.1), (0.75, 0.1), (0.1, 0.75), (-0.75, -0.1), (-0.1, -0.75)]
-    points = [middles[np.argmin(np.linalg.norm(middles[:, :2] - place, axis=1))] for place in near]
-    setup = Setup(
-        law="hencky",
-        mass_damping=20.0,
-        regions=(Region(youngs_modulus=4e8, poisson_ratio=0.3, density=1400.0, thickness=5e-5),),
-        supports=(Support(group="rim"),),
-        zones=(Zone(rings=(0.5,), sectors=(1, 4), name="ring {ring} sector {sector}"),),
-        loads=(Load(name="pressure", start=-500.0),),
-        sensors=tuple(
-            Sensor(point=(x, y, z), direction=(y, -x, 0.0) if k % 2 else (x, y, 0.0))
-            for k, (x, y, z) in enumerate(points)
-        ),
-    )
-    return make_structure(setup, surface_mesh(file))
+    file = dish_file()
+    return make_structure(dish_setup(file), surface_mesh(file))
 
 
 @pytest.fixture(scope="module")
