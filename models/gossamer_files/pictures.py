@@ -29,6 +29,17 @@ FORMS = tuple(_METADATA)
 
 
 @contextmanager
+def style() -> Iterator[None]:
+    """Draw in the style of all pictures; nothing that a user or a program set before has a say."""
+    import matplotlib as mpl
+
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rc_file(_STYLE, use_default_template=False)
+        yield
+
+
+@contextmanager
 def picture(target: Path | BytesIO, size: tuple[float, float] | None = None) -> Iterator[Figure]:
     """Yield a new figure in the style of all pictures; write it when the ``with`` block ends well.
 
@@ -44,11 +55,10 @@ def picture(target: Path | BytesIO, size: tuple[float, float] | None = None) -> 
     OSError
         The file cannot be written; what was there is still there.
     """
-    import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    with mpl.rc_context(fname=_STYLE):
+    with style():
         figure = Figure(figsize=size)
         FigureCanvasAgg(figure)
         yield figure

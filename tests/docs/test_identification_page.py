@@ -91,9 +91,8 @@ def results():
 @pytest.fixture(scope="module")
 def written(results, tmp_path_factory):
     folder = tmp_path_factory.mktemp("docs")
-    before = mpl.rcParams.copy()
-    write(results, folder)
-    mpl.rcParams.update(before)
+    with mpl.rc_context():
+        write(results, folder)
     return folder
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import fmpy
+import matplotlib as mpl
 import numpy as np
 import pytest
 from fmi_instances import Fmi3
@@ -16,6 +17,7 @@ from fmpy.fmi1 import FMICallException
 from fmpy.validation import validate_fmu
 from fmu_host import FMUS, Instance, excite, same
 from gossamer_fmus.description import arrays_of
+from gossamer_fmus.page import diagrams
 from gossamer_models import Stepper
 from lxml import etree
 
@@ -222,6 +224,12 @@ def test_the_diagram_names_all_inputs_and_outputs_and_the_build_description_is_v
         etree.XMLSchema(etree.parse(str(schema))).assertValid(build)
         for file in build.iter("SourceFile"):
             assert f"sources/{file.get('name')}" in archive.namelist()
+
+
+def test_the_users_own_style_of_pictures_does_not_change_an_fmu(models):
+    with mpl.rc_context({"font.size": 20, "axes.grid": True, "patch.linewidth": 3}):
+        drawn = diagrams(models["sensor"])
+    assert drawn == diagrams(models["sensor"])
 
 
 @pytest.mark.skipif(not shutil.which("gcc"), reason="builds with gcc, as an importing tool would")
