@@ -10,9 +10,10 @@ from gossamer_models.membrane import MembraneParams, square_structure
 from gossamer_models.sensor import default_artifact
 from gossamer_models.twin import MembraneForward, ResponseRecord, Twin, make_record, read_table
 from gossamer_models.twin.discrepancy import SPACING, Discrepancy, default_discrepancy, learn, spline_matrix
-from gossamer_models.twin.least_squares import bounded_minimum
+from gossamer_models.twin.least_squares import Quadratic, bounded_minimum
 from gossamer_models.twin.problem import NoiseWeights, SplineWeights
 from gossamer_models.twin.record import dead_sensors
+from gossamer_models.twin.search import THRESHOLD, Box, alternatives
 from gossamer_models.twin.simulation import SensedForward
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -291,6 +292,24 @@ def test_the_bounded_minimum_is_that_of_scipy(J, r):
     low, high = np.full(7, -0.3), np.full(7, 0.4)
     expected = lsq_linear(J, r, (low, high), method="bvls", tol=1e-12).x
     np.testing.assert_allclose(bounded_minimum(J.T @ J, J.T @ r, low, high), expected, atol=1e-6)
+
+
+def test_a_damage_that_may_as_well_be_in_another_zone_is_that_uncertain():
+    """Two zones whose effects are (1, t) and (1, -t) read (m, 0): sets of one zone, of the other, or both in closed form."""
+    t, m, noise = 0.1, 0.2, 0.02
+    J, y = np.array([[1.0, 1.0], [t, -t]]) / noise, np.array([m, 0.0]) / noise
+    alone = m / (1.0 + t**2)
+    at = np.array([alone, 0.0])
+    model = Quadratic(A=J.T @ J, g=J.T @ (y - J @ at), at=at)
+    limits = Box(zones=np.array([True, True]), low=-at, high=0.95 - at)
+    both = np.exp(-(THRESHOLD - (m * t / noise) ** 2 / (1.0 + t**2)) / 2.0)
+    none = np.exp(-((m / noise) ** 2 / (1.0 + t**2) - THRESHOLD) / 2.0)
+    total = 2.0 + both + none
+    found = alternatives(model, limits, np.array([True, False]))
+    assert found.probability == pytest.approx([(1.0 + both) / total] * 2, abs=1e-12)
+    moves = np.array([[0.0, 0.0], [-alone, alone], [m / 2.0 - alone, m / 2.0], [-alone, 0.0]])
+    weights = np.array([1.0, 1.0, both, none]) / total
+    np.testing.assert_allclose(found.spread, np.einsum("k,ki,kj->ij", weights, moves, moves), atol=1e-12)
 
 
 def test_splines_weigh_by_the_inverse_of_the_covariance():

@@ -20,12 +20,13 @@ class Answer:
     zones : tuple of str
         Names of the zones.
     damage, deviation : ndarray, shape (zones,)
-        Lost fraction of Young's modulus [1] and its standard deviation; where ``damage`` is zero, the deviation that it
-        would have if it were fitted.
+        Lost fraction of Young's modulus [1] and its standard deviation, which counts in that other zones may explain the
+        record as well; where ``damage`` is zero, the deviation that it would have if it were fitted.
     probability : ndarray, shape (zones,)
         How likely each zone is damaged [1].
     covariance : ndarray, shape (zones, zones)
-        Covariance of the damages [1]; rows and columns of zones that were dropped are zero outside the diagonal.
+        Covariance of the damages [1]; rows and columns of zones that were dropped are zero outside the diagonal, but for
+        zones that may be damaged in place of others.
     nuisances : dict of tuple of float
         Value and standard deviation of each nuisance: a factor for load, damping, modulus and gain; phase [rad]; pressure
         [Pa]; offset [1], of strain or of the sensor's change at full scale.

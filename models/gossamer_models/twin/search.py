@@ -37,6 +37,8 @@ MOST_STEPS = 12  # of one descent
 FEW_STEPS = 2  # where it is hopeless
 MANY = 4  # zones: fewer are no imitation of a modulus
 WIDEST = 0.2  # of a change of the modulus
+LIKELY = 6.0  # of chi2 above the best set of zones: whose neighbours are weighed too
+MOST_SETS = 16  # whose neighbours are weighed
 
 
 @dataclass(frozen=True)
@@ -98,30 +100,90 @@ def drop_zones(model: Quadratic, box: Box) -> tuple[Rows, Vector]:
         kept[k] = False
 
 
-def evidence(model: Quadratic, box: Box, kept: Rows) -> Vector:
-    """Return by how much chi2 rises without each kept zone, or falls with each other one; 0 for nuisances, shape (n,)."""
-    best, _ = smallest(model, box, kept)
-    found = np.zeros(len(kept))
-    for k in np.flatnonzero(box.zones):
-        other, _ = smallest(model, box, _without(kept, k) if kept[k] else _with(kept, k))
-        found[k] = abs(other - best)
-    return found
+@dataclass(frozen=True)
+class Alternatives:
+    """Sets of damaged zones that a record explains about as well as the one that was found.
+
+    Attributes
+    ----------
+    weight : ndarray, shape (m,)
+        How likely each set is [1].
+    kept : ndarray of bool, shape (m, n)
+        Unknowns that are not zero.
+    move : ndarray, shape (m, n)
+        Where chi2 is smallest with each set.
+    """
+
+    weight: Vector
+    kept: Rows
+    move: Matrix
+
+    @property
+    def probability(self) -> Vector:
+        """How likely each unknown is not zero [1], shape (n,)."""
+        return np.asarray(self.weight @ self.kept)
+
+    @property
+    def best(self) -> tuple[Rows, Vector]:
+        """The likeliest set, shape (n,), and the move to its smallest chi2, shape (n,)."""
+        k = int(np.argmax(self.weight))
+        return self.kept[k], self.move[k]
+
+    @property
+    def spread(self) -> Matrix:
+        """Mean products of the moves [1], shape (n, n): what not knowing the set adds to a covariance."""
+        return np.asarray(self.move.T @ (self.weight[:, None] * self.move))
 
 
-def probability(rise: Vector) -> Vector:
-    """Return how likely a zone is damaged, from the rise of chi2 without it: even at the threshold."""
-    return np.asarray(1.0 / (1.0 + np.exp(np.clip((THRESHOLD - rise) / 2.0, -500.0, 500.0))))
+def alternatives(model: Quadratic, box: Box, kept: Rows) -> Alternatives:
+    """Weigh the sets of zones around a set: with a zone more, with one less, or with another one in place of one.
+
+    Parameters
+    ----------
+    model : Quadratic
+        At the smallest chi2 of the set.
+    box : Box
+        Damages and bounds.
+    kept : ndarray of bool, shape (n,)
+        The set, and all nuisances.
+
+    Notes
+    -----
+    A set is as likely as exp(-worth / 2), where its worth is the smallest chi2 plus the threshold for each zone: a zone is
+    even at the threshold. The neighbours of likely sets follow, the likeliest first.
+    """
+    zones = np.flatnonzero(box.zones)
+
+    def worth(kept: Rows) -> tuple[float, Rows, Vector]:
+        chi2, move = smallest(model, box, kept)
+        return chi2 + THRESHOLD * np.count_nonzero(kept & box.zones), kept, move
+
+    found, waiting = {kept.tobytes(): worth(kept)}, {kept.tobytes()}
+    for _ in range(MOST_SETS):
+        best = min(each[0] for each in found.values())
+        nearest = min(waiting, key=lambda key: found[key][0], default=None)
+        if nearest is None or found[nearest][0] > best + LIKELY:
+            break
+        waiting.remove(nearest)
+        around = found[nearest][1]
+        for k in zones:
+            for j in (k, *zones[(zones > k) & (around[zones] != around[k])]):
+                other = around.copy()
+                other[[j, k]] = ~around[[j, k]]
+                if other.tobytes() in found:
+                    continue
+                each = worth(other)
+                if np.all((model.at + each[2])[other & box.zones] > 0.0):  # else it is a smaller set
+                    found[other.tobytes()] = each
+                    waiting.add(other.tobytes())
+    worths, sets, moves = (np.array(each) for each in zip(*found.values(), strict=True))
+    weight = np.exp((worths.min() - worths) / 2.0)
+    return Alternatives(weight=weight / weight.sum(), kept=sets, move=moves)
 
 
 def _without(kept: Rows, k: int | np.signedinteger) -> Rows:
     other = kept.copy()
     other[k] = False
-    return other
-
-
-def _with(kept: Rows, k: int | np.signedinteger) -> Rows:
-    other = kept.copy()
-    other[k] = True
     return other
 
 
@@ -315,7 +377,8 @@ def _finish(whole: RecordProblem, x: Vector, early_chi2: float, *, sparse: bool,
         J[:, kept], J[:, ~kept] = found.J, whole.derivatives(found.point, ~kept)
         full = whole.about(found.point, free, J)
         best, worth = Fit(whole, found.point, full, kept, early_chi2), reached
-        other, move = drop_zones(full, box(whole, full.at))
+        likely = alternatives(full, box(whole, full.at), drop_zones(full, box(whole, full.at))[0])
+        other, move = likely.best
         promised = found.point.chi2 + change(full.A, full.g, move) + THRESHOLD * other[: whole.zones].sum()
         if promised > worth - ROUGH:
             break

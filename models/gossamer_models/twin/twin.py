@@ -26,7 +26,7 @@ from .mesh_error import MeshErrors
 from .nuisances import KNOTS, MODULUS, Loads, Nuisances, check_names
 from .problem import RecordProblem
 from .record import LEAST_SAMPLES, ResponseRecord, StaticRecord, Wiring, best_wiring, dead_sensors, other_wirings
-from .search import HOPELESS, ROUGH, Fit, box, chi2_bound, evidence, misfit, modulus_instead, probability, search
+from .search import HOPELESS, ROUGH, Fit, alternatives, box, chi2_bound, drop_zones, misfit, modulus_instead, search
 from .simulation import SensedForward
 
 EARLY = (0.6, 2.0)  # first periods of the first stages: early, chi2 has one valley; over two periods it has several
@@ -275,12 +275,15 @@ class Twin:
     def _answer(self, fit: Fit, doubts: list[str], wiring: Wiring | None, unresolved: tuple[int, ...]) -> Answer:
         problem, kept, zones, groups = fit.problem, fit.kept, fit.problem.zones, fit.problem.groups
         A, x = fit.model.A, fit.point.x
-        covariance = _covariance(A, kept)
+        limits = box(problem, x)
+        likely = alternatives(fit.model, limits, kept if self.sparse else drop_zones(fit.model, limits)[0])
+        spread = likely.spread if self.sparse else np.zeros_like(A)
+        covariance = _covariance(A, kept) + spread
         deviation = np.sqrt(np.diag(covariance)).copy()
         for k in np.flatnonzero(~kept):
             alone = kept.copy()
             alone[k] = True
-            deviation[k] = math.sqrt(_covariance(A, alone)[k, k])
+            deviation[k] = math.sqrt(_covariance(A, alone)[k, k] + spread[k, k])
         damages = covariance[:zones, :zones].copy()
         np.fill_diagonal(damages, deviation[:zones] ** 2)
         per_sample, bound = fit.per_sample, chi2_bound(problem)
@@ -301,12 +304,11 @@ class Twin:
             error = self._mesh_error.of(problem.record)
             doubts += self._mesh_error.doubts(error)
             valid = valid and not error.buries
-        rise = evidence(fit.model, box(problem, x), kept)[:zones]
         return Answer(
             zones=self._forward.zones,
             damage=x[:zones][groups],
             deviation=deviation[:zones][groups],
-            probability=probability(rise)[groups],
+            probability=likely.probability[:zones][groups],
             covariance=damages[np.ix_(groups, groups)],
             nuisances=problem.nuisances.values(x[zones:], deviation[zones:]),
             chi2_per_sample=per_sample,
