@@ -90,7 +90,7 @@ def drop_zones(model: Quadratic, box: Box) -> tuple[Rows, Vector]:
         if at_zero.any():
             kept &= ~at_zero
             continue
-        costs = {k: smallest(model, box, _without(kept, k)) for k in np.flatnonzero(kept & box.zones)}
+        costs = {k: smallest(model, box, kept & (np.arange(len(kept)) != k)) for k in np.flatnonzero(kept & box.zones)}
         if not costs:
             return kept, move
         k = min(costs, key=lambda zone: costs[zone][0])
@@ -179,12 +179,6 @@ def alternatives(model: Quadratic, box: Box, kept: Rows) -> Alternatives:
     worths, sets, moves = (np.array(each) for each in zip(*found.values(), strict=True))
     weight = np.exp((worths.min() - worths) / 2.0)
     return Alternatives(weight=weight / weight.sum(), kept=sets, move=moves)
-
-
-def _without(kept: Rows, k: int | np.signedinteger) -> Rows:
-    other = kept.copy()
-    other[k] = False
-    return other
 
 
 @dataclass(frozen=True)
