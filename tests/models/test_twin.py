@@ -135,7 +135,7 @@ def test_on_resistance_the_sensor_runs_inside_the_twin(forward, twin):
 @pytest.mark.parametrize(
     ("parameters", "gain", "reason"),
     [
-        ({"pressure_amplitude": 0.9e4}, 1.0, "most likely the load is 0.90"),
+        ({"pressure_amplitude": 0.9e4}, 1.0, "most likely the load is 0.9 times as large: with amplitude fitted too"),
         ({"pressure_frequency": 7.6}, 1.0, "most likely the load has 0.962 times the frequency"),
         ({"mass_damping": 30.0}, 1.0, "most likely the damping is 1.5"),
         ({}, 0.97, "most likely sensor 1 has a gain of 0.97"),
