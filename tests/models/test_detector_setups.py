@@ -119,7 +119,7 @@ def test_a_detector_of_another_structure_is_refused(trained, setup, tmp_path):
 
 def test_a_detector_carries_the_structure_that_it_is_trained_for(trained, setup, tmp_path):
     """Mesh and all: what it is judged on needs no file, has the same model, and can be made finer."""
-    artifact, data, _ = trained
+    artifact, *_ = trained
     artifact.write(tmp_path / "dish.json")
     again = PosteriorArtifact.read(tmp_path / "dish.json")
     assert setup.mesh not in (tmp_path / "dish.json").read_text()

@@ -29,7 +29,7 @@ from ..element_loop import ElementLoop, Tables
 from ..step_model import StepModel
 
 MAX_EXPANDED = 100_000  # half a minute of compiling
-MAX_BESIDE_LOOPS = 20_000  # where loops over arrays cost but a third more: five seconds of compiling
+MAX_BESIDE_LOOPS = 12_000  # where loops over arrays cost a quarter more at most: some ten seconds of compiling
 MAX_ELEMENT = 10_000  # of one element's function
 
 

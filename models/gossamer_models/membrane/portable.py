@@ -40,6 +40,7 @@ def structure_text(structure: Structure) -> str:
     blocks = [{"order": b.order, "elements": b.elements.tolist(), "faces": b.faces.tolist()} for b in mesh.blocks]
     content = {"name": mesh.name, "nodes": mesh.nodes.tolist(), "blocks": blocks, **groups}
     card = {"schema": SCHEMA, "version": VERSION, "setup": asdict(setup), "mesh": content}
+    card["zone_names"] = structure.zone_names  # for those who read no meshes
     return json.dumps(card)
 
 
