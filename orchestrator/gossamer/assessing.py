@@ -357,7 +357,7 @@ def assess_detector(
 
         found = assess([zero, *judges, *twins], folder / "simulations", cases=cases, plan=plan, report=report)
         files = [*write_assessment(found, folder), *save_pictures(found, folder)]
-    return DetectorAssessment(result=found, files=files + save_page(lambda: assessment_page(found), folder))
+    return DetectorAssessment(result=found, files=files + save_page(lambda: assessment_page(found, structure), folder))
 
 
 def _figures(figures: Any) -> dict[str, float]:  # noqa: ANN401
