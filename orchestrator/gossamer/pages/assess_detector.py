@@ -78,7 +78,7 @@ def _in_space(found: AssessmentResults, structure: Structure) -> tuple[list[Char
     shown = surface_content(still, np.zeros(1, dtype=np.int64))
     shown |= {"unit": "m", "marked": False, "colours": colours, "names": names}
     note = "Damage found in 90 % of cases with 95 % confidence (a90/95). Drag to turn; squares are zones, dots sensors."
-    text = "The membrane in three dimensions, zones coloured by the size of damage that is found; the table holds the numbers."
+    text = "The membrane in three dimensions, zones coloured by the size of damage found; the table holds the numbers."
     chart = Chart("Membrane", note=" ".join([note, *lost]), text=text, tall=True, broad=True, script="addSurface")
     return [*section("Where damage is found", [chart])], {"frames": np.zeros(1), "surface": shown}
 
