@@ -24,9 +24,8 @@ from .arguments import (
     command,
     several,
 )
-from .measured import histories, tell_recognised
 from .options import ColumnOptions
-from .records import numbers_by_name
+from .records import histories, numbers_by_name, tell_recognised
 from .results import Result, by_label, first_of
 from .terminal import progress_bar
 from .writing import keep_inputs, save_page
