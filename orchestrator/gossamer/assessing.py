@@ -18,9 +18,9 @@ from .arguments import (
     command,
     several,
 )
-from .measured import histories, tell_recognised
 from .options import ColumnOptions
 from .plans import judged_on
+from .records import histories, tell_recognised
 from .results import Result, by_label, first_of
 from .terminal import progress_bar
 from .writing import keep_inputs, save_page

@@ -317,6 +317,6 @@ def origins_of(data: xr.Dataset) -> dict[str, str]:
     return {target: origin for origin, target, *_ in json.loads(data.attrs.get("connections", "[]"))}
 
 
-def parameters_of(data: xr.Dataset, component: str) -> dict[str, float]:
-    """Return the parameters of a component as they were recorded with the run."""
-    return dict(json.loads(data.attrs.get("fmus", "{}")).get(component, {}).get("parameters", {}))
+def parameters_of(data: xr.Dataset, component: str, what: str = "parameters") -> dict[str, float]:
+    """Return the parameters of a component, or its "start", as recorded; none in results such as a CSV file."""
+    return dict(json.loads(data.attrs.get("fmus", "{}")).get(component, {}).get(what, {}))
