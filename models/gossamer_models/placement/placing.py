@@ -164,7 +164,7 @@ def place_sensors(
         msg = (
             "no strain changes while it is recorded, so it tells nothing. Let the built-in pressure act, for instance "
             f"{option('set', 'pressure_amplitude=100')} {option('set', 'pressure_frequency=5')}, on a setup with a "
-            "load of kind 'pressure'."
+            "load of kind 'pressure'. A structure at rest, as the shipped sail, is for the twin, from load states."
         )
         raise ParameterError(msg)
     report("checking that the response is smooth", 0, 0)
