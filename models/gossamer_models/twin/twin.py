@@ -23,8 +23,9 @@ from .forward import Forward, MembraneForward, forward_of
 from .groups import UNRESOLVED, alike, without_nuisances
 from .least_squares import MOST_DAMAGE, PRIOR_DEVIATION, descend
 from .mesh_error import MeshErrors
-from .nuisances import KNOTS, MODULUS, Loads, Nuisances, check_names
+from .nuisances import KNOTS, MODULUS, Loads, Nuisances, check_names, possible
 from .problem import RecordProblem
+from .reasons import likely_reason
 from .record import LEAST_SAMPLES, ResponseRecord, StaticRecord, Wiring, best_wiring, dead_sensors, other_wirings
 from .search import HOPELESS, ROUGH, Fit, box, chi2_bound, evidence, misfit, modulus_instead, probability, search
 from .simulation import SensedForward
@@ -190,6 +191,9 @@ class Twin:
             means = np.bincount(groups, fit.point.x[: self.zones]) / counts
             together, _ = search([whole], means, sparse=self.sparse)
             fit = together if together.passes else fit
+        if not fit.passes:
+            wider = self._problem(record, fit.problem.record.samples, report, wider=True)
+            doubts[:0] = [reason] if (reason := likely_reason(fit, wider)) else []
         return self._answer(fit, doubts, wiring, unresolved)
 
     def _check(self, record: ResponseRecord) -> None:
@@ -209,10 +213,10 @@ class Twin:
                 msg = f"the undamaged membrane has no equilibrium in load state {names}. Check its loads and supports."
                 raise DataError(msg)
 
-    def _nuisances(self, loads: Loads, length: float) -> Nuisances:
+    def _nuisances(self, kinds: tuple[str, ...], loads: Loads, length: float) -> Nuisances:
         model = self._forward
-        spacing = KNOTS * model.period if set(self.nuisances) & set(model.inputs) else math.inf
-        return Nuisances(self.nuisances, model.parameters, model.inputs, model.sensors, loads, length, spacing)
+        spacing = KNOTS * model.period if set(kinds) & set(model.inputs) else math.inf
+        return Nuisances(kinds, model.parameters, model.inputs, model.sensors, loads, length, spacing)
 
     def _stages(self, record: ResponseRecord, report: Callable[[float, int], None]) -> list[RecordProblem]:
         """Make the problems of longer and longer beginnings of a record."""
@@ -240,10 +244,14 @@ class Twin:
         samples: int,
         report: Callable[[float, int], None] = lambda *_: None,
         groups: NDArray[np.int64] | None = None,
+        *,
+        wider: bool = False,
     ) -> RecordProblem:
-        """Make the problem of the beginning of a record; its noise is that of all of it."""
-        compared = record.first(self._compared(record))
-        nuisances = self._nuisances(Loads(record.start, record.inputs), compared.step * compared.samples)
+        """Make the problem of the beginning of a record; its noise is that of all of it. Wider: with all nuisances."""
+        compared, loads = record.first(self._compared(record)), Loads(record.start, record.inputs)
+        more = possible(self._forward.parameters, loads) if wider else ()
+        kinds = tuple(dict.fromkeys((*self.nuisances, *more)))
+        nuisances = self._nuisances(kinds, loads, compared.step * compared.samples)
         return RecordProblem(
             self._sensed,
             record.first(samples),
