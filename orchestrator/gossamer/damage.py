@@ -12,7 +12,7 @@ from .arguments import AnyPath, File, NamesWithCommas, command, with_commas
 from .options import TwinOptions
 from .records import beside, file_of, find_record, name_of
 from .results import INVALID, Saved, as_png, typed, zone_coordinates
-from .terminal import progress_bar, stderr
+from .terminal import progress_bar, say, stderr
 from .writing import json_file, keep_inputs, save_page
 
 if TYPE_CHECKING:
@@ -220,13 +220,17 @@ def twin(
                 found.parameters,
                 report=lambda what, done, total: bar.update(done, total, f"{done} of {total} {what},"),
             )
-        answer = Twin(
+        fitting = Twin(
             **known,
             mesh_error=errors,
             nuisances=tuple(name.strip() for name in names if name.strip() != "none"),
             sparse=sparse,
             whole=stop is not None,
-        ).fit(
+        )
+        bar.update(text="what the sensors tell apart,")
+        for sentence in fitting.untold(found.record):
+            say(sentence)
+        answer = fitting.fit(
             found.record,
             report=lambda seconds, made: bar.update(text=f"{seconds:.3g} s of the record, {made} simulations,"),
         )

@@ -11,7 +11,7 @@ from gossamer_models.arrays import Matrix, Vector
 from gossamer_models.twin import Answer, StaticRecord
 from gossamer_orchestrator.pages import Page, on_page, table
 from gossamer_orchestrator.pages.page import Kind
-from gossamer_orchestrator.results.tables import zone_label
+from gossamer_orchestrator.results.dataset import zone_label
 from gossamer_orchestrator.words import uncertain
 
 NUISANCE_UNITS = {"phase": "rad", "pressure": "Pa"}  # of what is fitted beside damage; the others are ratios
