@@ -30,7 +30,7 @@ class Evidence:
     freedom : int
         Degrees of freedom of its chi2 distribution.
     factors : ndarray, shape (l,)
-        By how much each load is larger than known [1], whatever damage has begun.
+        By how much each load is larger than known [1], if no damage has begun.
 
     Notes
     -----
@@ -69,23 +69,19 @@ class Evidence:
         seen = e > NEGLIGIBLE * e[-1]
         self.freedom = max(1, int(seen.sum()) - self._loads)
         of_all = V[:, seen].T @ self._g
-        self.factors = (V[:, seen] @ (of_all / e[seen]))[: self._loads]
-        self.score = float(of_all**2 @ (1.0 / e[seen]) - self._of(slice(self._loads))) / self.freedom
-
-    def factors_if_healthy(self) -> Vector:
-        """Return by how much each load is larger than known [1] if no damage has begun, shape (l,)."""
         part = slice(self._loads)
-        return np.asarray(np.linalg.solve(self._A[part, part], self._g[part]))
+        self.factors = np.asarray(np.linalg.solve(self._A[part, part], self._g[part]))
+        self.score = float(of_all**2 @ (1.0 / e[seen]) - self._of(part)) / self.freedom
 
     def likeliest(self) -> int:
         """Return which onset explains most if all damage began there."""
         firsts = range(self._loads, len(self._g), self._zones)
         return int(np.argmax([self._of(slice(first, first + self._zones)) for first in firsts]))
 
-    def forget(self) -> None:
-        """Forget all onsets, and keep the factors of the loads."""
+    def forget(self, factors: Vector) -> None:
+        """Forget all onsets; the factors of the loads are those that are given, and as certain as they are."""
         self._A = self._A[: self._loads, : self._loads]
-        self._g = self._A @ self.factors
+        self._g = self._A @ factors
 
     def _of(self, part: slice) -> float:
         g = self._g[part]

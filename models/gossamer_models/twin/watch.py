@@ -218,20 +218,21 @@ class Watch:
         present, slopes = np.isfinite(y), (found[1:] - found[0]) / steps[:, None, None]
         rows = weigh(np.concatenate([(y - found[0])[None], slopes]), present, self._sigma)
         self._evidence.add(rows[0], rows[1:].T, len(kept))
-        healthy = self._evidence.factors_if_healthy()
-        if self._place is None and np.abs(healthy).max(initial=0.0) > PRECISE and self._rounds < ROUNDS:
+        factors, freedom = self._evidence.factors, self._evidence.freedom
+        if self._place is None and np.abs(factors).max(initial=0.0) > PRECISE and self._rounds < ROUNDS:
             self._rounds += 1
-            for name, move in zip(self._loads, healthy, strict=True):
+            for name, move in zip(self._loads, factors, strict=True):
                 self._factors[name] *= 1.0 + float(np.clip(move, -LOAD_DEVIATION, LOAD_DEVIATION))
             self._onsets = []
             return self.advance(readings, known)  # the first window again, with better loads
-        factors, freedom = self._evidence.factors, self._evidence.freedom
-        y = y - np.tensordot(factors, slopes[: factors.size], axes=1)  # as if the loads were those that are known
-        misfit = float(np.sum(weigh((y - found[0])[None], present, self._sigma) ** 2)) / (present.sum() - sensors)
+        threshold = float(chi2_distribution.isf(self._false_alarms, freedom)) / freedom
         before = self._scores[: max(1, len(self._scores) - MEMORY)]
         statistic = self._evidence.score / max(1.0, float(np.mean(before))) if before else 0.0
-        threshold = float(chi2_distribution.isf(self._false_alarms, freedom)) / freedom
         alarm = self._suspected is None and statistic > threshold
+        if not alarm and self._suspected is None:
+            self._trusted = factors  # damage would bend them
+        y = y - np.tensordot(self._trusted, slopes[: factors.size], axes=1)  # as if the loads were the twin's
+        misfit = float(np.sum(weigh((y - found[0])[None], present, self._sigma) ** 2)) / (present.sum() - sensors)
         windows = self._before[-MEMORY:] if self._suspected is None else self._before
         self._before = [*windows, JudgedWindow(self._time, place.take(np.zeros(1, dtype=int)), y, found[0], loads)]
         self._time += n * self._h
@@ -279,7 +280,7 @@ class Watch:
         self._damage = found.point.x[1:].copy()
         onset = self._before[0].time + self._h * float(found.point.x[0])
         self._suspected, self._before, self._onsets = None, [], []
-        self._evidence.forget()
+        self._evidence.forget(self._trusted)
         return DamageOnset(
             zones=self.zones,
             onset=onset,
