@@ -8,7 +8,22 @@ from pathlib import Path
 import pytest
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
-LONG = ("test_wheel", "test_notebooks", "test_tutorials", "test_campaign_cluster", "test_bench")
+LONG = (  # the longest first, but two that wait for the same FMUs not side by side
+    "test_build",
+    "test_wheel",
+    "test_binaries",
+    "test_fuzz",
+    "test_sanitizers",
+    "test_nothing_is_lost",
+    "test_tutorials",
+    "test_campaign_run",
+    "test_notebooks",
+    "test_train_command",
+    "test_campaign_cluster",
+    "test_membrane_limits",
+    "test_membrane_step",
+    "test_twin_of_kratos",
+)
 KINDS = {"python": {}, "native": {"native": True}, "native FMI 3": {"native": True, "fmi": 3}}
 
 
@@ -28,7 +43,7 @@ def pytest_addoption(parser):
 
 def pytest_collection_modifyitems(items):
     """Begin with the files that take longest, so that no worker is left alone with one at the end."""
-    items.sort(key=lambda item: item.path.stem not in LONG)
+    items.sort(key=lambda item: LONG.index(item.path.stem) if item.path.stem in LONG else len(LONG))
 
 
 @pytest.fixture(scope="session")

@@ -46,7 +46,7 @@ _OPTIONS = {
     "elements_per_side": (_MEMBRANES, "has no mesh. Name a membrane alone to choose its elements per side."),
     "order": (_MEMBRANES, "has no mesh. Name a membrane alone to choose the order of its elements."),
     "law": (_MEMBRANES, "has no law of a material. Name a membrane alone to choose it."),
-    "structure": (_MEMBRANES, "is not built from a mesh. Name a membrane alone with a setup."),
+    "structure": ((*_MEMBRANES, "detector"), "is not built from a mesh. Name a membrane alone with a setup."),
 }
 _SCALES = "resistance at rest [ohm], its rise to full scale [ohm] and full scale [1], for instance 1000,150,0.2."
 
@@ -66,7 +66,7 @@ class ModelOptions(TypedDict, total=False):
     law : str
         Law of the membrane's material, one of ``gossamer_models.membrane.LAWS``.
     structure : Structure
-        Membrane on a mesh in place of the square one.
+        Membrane on a mesh in place of the square one; that which the detector should be trained for.
     """
 
     artifact: Path | None
@@ -129,12 +129,14 @@ def make_model(name: str, *, compiled: bool = False, **options: Unpack[ModelOpti
             raise ParameterError(msg)
         return MODELS[name](square_structure(**given) if structure is None else structure, compiled=compiled)
     artifact, scales = given.get("artifact"), given.get("scales")
+    if name == "detector":
+        trained = PosteriorArtifact.default() if artifact is None else read_detector(artifact)
+        if (structure := given.get("structure")) is not None:
+            trained.require_structure(structure, str(artifact or "nominal"))
+        return posterior_model(trained) if isinstance(trained, PosteriorArtifact) else detector_model(trained)
     if artifact is None:
         sensor = () if scales is None else (replace(default_artifact(), scales=_scales(scales)),)
         return MODELS[name](*sensor)
-    if name == "detector":
-        trained = read_detector(artifact)
-        return posterior_model(trained) if isinstance(trained, PosteriorArtifact) else detector_model(trained)
     from gossamer_models import fractional  # slow to import, and rarely needed
 
     if artifact_schema(artifact) != fractional.SCHEMA:

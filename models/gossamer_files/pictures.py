@@ -25,7 +25,6 @@ _METADATA: dict[str, dict[str, str | None]] = {  # the same bytes again
     "svg": {"Date": None},
     "pdf": {"CreationDate": None},
 }
-FORMS = tuple(_METADATA)
 
 
 @contextmanager

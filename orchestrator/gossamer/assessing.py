@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
-from gossamer_files.options import option
-from gossamer_orchestrator.errors import OrchestratorError
-
 from .arguments import (
-    AnyPath,
     Cases,
     File,
     Files,
@@ -20,13 +15,12 @@ from .arguments import (
     Form,
     Names,
     Values,
-    assigned,
     command,
     several,
 )
-from .measured import histories, tell_recognised
 from .options import ColumnOptions
-from .records import numbers_by_name
+from .plans import judged_on
+from .records import histories, tell_recognised
 from .results import Result, by_label, first_of
 from .terminal import progress_bar
 from .writing import keep_inputs, save_page
@@ -35,7 +29,6 @@ if TYPE_CHECKING:
     import xarray as xr
     from gossamer_files.tables import TableText
     from gossamer_models.assessment import AssessmentResults
-    from gossamer_models.campaign import CampaignPlan
     from gossamer_models.review import Judged
 
 TWIN_RECORDS, TWIN_SIZES = 6, 3  # records of a condition, sizes of damage in each zone that the twin has time for
@@ -306,12 +299,12 @@ def assess_detector(
     artifact
         Trained detector: its file, or nominal, wide or single_damage; may be repeated. These three by default.
     setup
-        Setup of the membrane that the detectors are trained for (docs/setup.md), or reflector, drum, ...; the square of the
-        thesis by default.
+        Setup of the membrane in place of the one that the first detector was trained for and carries, or of the square of
+        the thesis.
     mesh
         With a setup: mesh file in place of its own.
     set
-        With a setup: parameter or constant input that the detectors are trained for, NAME=VALUE; may be repeated.
+        Parameter or constant input of a membrane on a mesh, in place of that of the training, NAME=VALUE; may be repeated.
     twin
         The digital twin too, on few records: it takes long.
     cases
@@ -334,7 +327,7 @@ def assess_detector(
 
         gossamer assess-detector --artifact mine.json --twin --cases 100 --out out/mine
 
-        gossamer assess-detector --setup reflector --artifact out/detector/reflector.json
+        gossamer assess-detector --artifact out/detector/reflector.json
     """
     from gossamer_models.assessment import (
         AlwaysZero,
@@ -353,7 +346,7 @@ def assess_detector(
     keep_inputs([*artifacts, setup, mesh], (folder / name for name in ("assessment.json", "assessment.npz")))
     with progress_bar("assessment") as bar:
         bar.update(text="reading detectors,")
-        plan = None if setup is None else _plan_of(setup, mesh, set, artifacts)
+        plan = judged_on(artifacts, setup, mesh, set)
         structure = plan_of_square().membrane.structure if plan is None else plan.membrane.structure
         judges = [read_judge(path, structure) for path in artifacts] if artifacts else shipped_judges()
         twins = twin_judges(TWIN_RECORDS, TWIN_SIZES, None if plan is None else structure) if twin else ()
@@ -364,26 +357,7 @@ def assess_detector(
 
         found = assess([zero, *judges, *twins], folder / "simulations", cases=cases, plan=plan, report=report)
         files = [*write_assessment(found, folder), *save_pictures(found, folder)]
-    return DetectorAssessment(result=found, files=files + save_page(lambda: assessment_page(found), folder))
-
-
-def _plan_of(setup: AnyPath, mesh: AnyPath | None, set: Values | None, artifacts: Sequence[Path]) -> CampaignPlan:
-    """Return what detectors of a setup are judged on: its membrane, with windows, steps and noise of the first one."""
-    from gossamer_models.campaign import Mesh, campaign_of_setup
-    from gossamer_models.detector import PosteriorArtifact
-    from gossamer_orchestrator.scenario.source import find_scenario
-
-    from .descriptions import setup_of
-
-    if not artifacts:
-        msg = f"no detector that ships is trained for a setup. Train one, and name its file with {option('artifact')}."
-        raise OrchestratorError(msg)
-    constants = numbers_by_name(assigned(set), "for instance pressure_amplitude=100")
-    file = find_scenario(str(setup), "membrane")
-    membrane = Mesh(setup=setup_of(file, None if mesh is None else Path(mesh)), parameters=constants)
-    trained = PosteriorArtifact.read(artifacts[0])
-    plan = campaign_of_setup(membrane, cases=1, noise=trained.noise, window=trained.window_length)
-    return replace(plan, step=trained.sampling_step, stop=trained.samples * trained.sampling_step)
+    return DetectorAssessment(result=found, files=files + save_page(lambda: assessment_page(found, structure), folder))
 
 
 def _figures(figures: Any) -> dict[str, float]:  # noqa: ANN401

@@ -12,7 +12,7 @@ from .arguments import AnyPath, File, NamesWithCommas, command, with_commas
 from .options import TwinOptions
 from .records import beside, file_of, find_record, name_of
 from .results import INVALID, Saved, as_png, typed, zone_coordinates
-from .terminal import progress_bar, stderr
+from .terminal import progress_bar, say, stderr
 from .writing import json_file, keep_inputs, save_page
 
 if TYPE_CHECKING:
@@ -35,26 +35,40 @@ class TwinAnswer(Saved):
         The whole answer: validity, doubts, and what else was fitted.
     compared : str
         A sentence if only the beginning of the record was compared, else empty.
+    show_invalid : bool
+        Whether the zones of an answer that is not valid are shown.
     """
 
     answer: Answer
     compared: str
+    show_invalid: bool = False
 
     @property
     def data(self) -> xr.Dataset:
-        """``damage``, ``deviation`` and ``probability`` [1] by ``zone``, with its ``name`` and those that it was answered
-        ``together_with``; ``covariance`` [1].
+        """``damage``, ``deviation``, ``probability``, 95 % ``bounds`` [1] by ``zone``, with its ``name`` and those that it
+        was answered ``together_with``; ``covariance`` [1]. Not a number is what has no value or is withheld.
         """  # noqa: D205
         import numpy as np
         import xarray as xr
 
         answer, ratio, n = self.answer, {"units": "1"}, self.answer.damage.size
-        values = {name: ("zone", getattr(answer, name), ratio) for name in ("damage", "deviation", "probability")}
+        dimensions = {
+            "damage": "zone",
+            "deviation": "zone",
+            "probability": "zone",
+            "bounds": ("zone", "bound"),
+            "covariance": ("zone", "other_zone"),
+        }
+        known = {"damage": answer.determined}
+        values = {
+            name: (axes, np.where(self._shown & known.get(name, True), getattr(answer, name), np.nan), ratio)
+            for name, axes in dimensions.items()
+        }
         together = [", ".join(others) for others in answer.together_with]
         return xr.Dataset(
-            values | {"covariance": (("zone", "other_zone"), answer.covariance, ratio)},
+            values,
             coords=zone_coordinates(answer.zones)
-            | {"other_zone": np.arange(1, n + 1), "together_with": ("zone", together)},
+            | {"other_zone": np.arange(1, n + 1), "bound": ["low", "high"], "together_with": ("zone", together)},
             attrs={
                 "valid": int(answer.valid),
                 "chi2_per_sample": answer.chi2_per_sample,
@@ -65,6 +79,10 @@ class TwinAnswer(Saved):
     def exit_code(self) -> int:
         """Return the exit code."""
         return 0 if self.answer.valid else INVALID
+
+    @property
+    def _shown(self) -> bool:
+        return self.answer.valid or self.show_invalid
 
     @property
     def _verdict(self) -> str:
@@ -93,24 +111,29 @@ class TwinAnswer(Saved):
         """Return reasons for doubt, and which part of the record was compared."""
         return [*self.doubts(), *[self.compared] * bool(self.compared)]
 
-    def picture(self) -> bytes:
-        """Draw the damage of the zones."""
-        from .pages.twin import damage_chart
+    def picture(self) -> bytes | None:
+        """Draw the damage of the zones, unless it is withheld."""
+        from .pages.twin import answer_chart
 
-        return as_png(damage_chart(self.answer.zones, self.answer.damage, self.answer.deviation))
+        return as_png(answer_chart(self.answer)) if self._shown else None
 
     def tables(self) -> list[TableText]:
         """Return a row per zone."""
         from .pages.twin import zone_cells
 
-        return [zone_cells(self.answer)]
+        return [zone_cells(self.answer, shown=self._shown)]
 
     def to_json(self) -> dict[str, Any]:
         """Return the answer."""
         from .pages.twin import NUISANCE_UNITS
 
-        units = dict.fromkeys(("damage", "deviation", "probability", "covariance"), "1") | NUISANCE_UNITS
-        return {"file": self.path, "page": self.page, **self.answer.as_json(), "units": units}
+        units = dict.fromkeys(("damage", "deviation", "probability", "covariance", "bounds"), "1") | NUISANCE_UNITS
+        return {
+            "file": self.path,
+            "page": self.page,
+            **self.answer.as_json(show_invalid=self.show_invalid),
+            "units": units,
+        }
 
 
 @command
@@ -121,6 +144,7 @@ def twin(
     stop: float | None = None,
     sparse: bool = True,
     mesh_error: bool | None = None,
+    show_invalid: bool = False,
     out: File | None = None,
     **options: Unpack[TwinOptions],
 ) -> TwinAnswer:
@@ -145,6 +169,8 @@ def twin(
     mesh_error
         Allow for what finer meshes change, from simulations that take minutes once; by default of a table with a setup, not
         of results of a run, whose mesh is that of the twin.
+    show_invalid
+        Show the damage of the zones even if the answer is not valid; otherwise it is withheld.
     out
         JSON file to write; twin.json beside the record by default.
     **options
@@ -194,22 +220,28 @@ def twin(
                 found.parameters,
                 report=lambda what, done, total: bar.update(done, total, f"{done} of {total} {what},"),
             )
-        answer = Twin(
+        fitting = Twin(
             **known,
             mesh_error=errors,
             nuisances=tuple(name.strip() for name in names if name.strip() != "none"),
             sparse=sparse,
             whole=stop is not None,
-        ).fit(
+        )
+        bar.update(text="what the sensors tell apart,")
+        for sentence in fitting.untold(found.record):
+            say(sentence)
+        answer = fitting.fit(
             found.record,
             report=lambda seconds, made: bar.update(text=f"{seconds:.3g} s of the record, {made} simulations,"),
         )
     logger.info("%d simulations for %d values", answer.simulations, answer.samples)
     with replacing(path) as unfinished:
-        unfinished.write_text(json.dumps(answer.as_json(), indent=1) + "\n", encoding="utf-8")
+        unfinished.write_text(json.dumps(answer.as_json(show_invalid=show_invalid), indent=1) + "\n", encoding="utf-8")
     compared = _compared(source, found.record, answer.record, stop)
-    pages = save_page(lambda: twin_page(name_of(source), answer, compared), path.with_suffix(""))
-    return TwinAnswer(files=[path, *pages], answer=answer, compared=compared)
+    pages = save_page(
+        lambda: twin_page(name_of(source), answer, compared, show_invalid=show_invalid), path.with_suffix("")
+    )
+    return TwinAnswer(files=[path, *pages], answer=answer, compared=compared, show_invalid=show_invalid)
 
 
 def _compared(path: Path, given: ResponseRecord, used: ResponseRecord, stop: float | None) -> str:

@@ -3,32 +3,27 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 from gossamer_files.options import option
 from gossamer_files.tables import TableText
-from gossamer_orchestrator.errors import OrchestratorError, ScenarioError
+from gossamer_orchestrator.errors import OrchestratorError
 
-from .arguments import Address, AnyPath, Count, File, Folder, Seconds, assigned, command
+from .arguments import Address, AnyPath, Count, File, Folder, Seconds, command
 from .options import PlanOptions
-from .records import numbers_by_name
+from .plans import given, planned
 from .results import Saved, by_label
 from .terminal import progress_bar
 from .writing import json_file, keep_inputs, save_page
 
 if TYPE_CHECKING:
     import xarray as xr
-    from gossamer_models.campaign import CampaignPlan, Mesh, Summary
+    from gossamer_models.campaign import Summary
     from gossamer_models.detector import DetectorArtifact, PosteriorArtifact
-    from gossamer_orchestrator.scenario.source import Source
 
 Method = Literal["neuro-fuzzy", "perceptron", "thesis"]
-NOMINAL = "detector_nominal"
-WINDOW = 0.2532  # [s] of the shipped detectors
-DRIFT = 2  # steps that cover how the phase of the load drifts from window to window
 
 logger = logging.getLogger(__name__)
 
@@ -141,7 +136,7 @@ def campaign(
 
     if out is not None:
         keep_inputs([campaign, plan.get("setup"), plan.get("mesh")], [Path(out)])
-    wanted, source, name = _planned(campaign, None, **plan)
+    wanted, source, name = planned(campaign, None, **plan)
     store = Path("out/campaigns") / f"{name}.zarr" if out is None else Path(out)
     bar = progress_bar(name)
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # a lost scheduler is one sentence here
@@ -267,9 +262,10 @@ def train(
         gossamer train multiple_noisy --kind thesis
     """
     if kind == "thesis":
-        if window is not None or epochs is not None or _given(plan):
-            given = f"{option('window')}, {option('epochs')} and what is simulated"
-            msg = f"{given} are not for {option('kind', kind)}, whose cases, windows and networks are fixed. Leave them out."
+        if window is not None or epochs is not None or given(plan):
+            refused = f"{option('window')}, {option('epochs')} and what is simulated"
+            why = "whose cases, windows and networks are fixed"
+            msg = f"{refused} are not for {option('kind', kind)}, {why}. Leave them out."
             raise OrchestratorError(msg)
         return _train_thesis(str(source or "single"), out)
     path = None if out is None else json_file(out)
@@ -313,104 +309,16 @@ def _data(source: AnyPath | None, window: float | None, **plan: Unpack[PlanOptio
     from .descriptions import locating
 
     if source is not None and Path(source).is_dir():
-        if _given(plan):
+        if given(plan):
             msg = f"{source} has been run: leave out what is simulated, or name a campaign file in its place."
             raise OrchestratorError(msg)
         return read_campaign(Path(source)), Path(source).stem
-    wanted, text, name = _planned(source, window, **plan)
+    wanted, text, name = planned(source, window, **plan)
     path = Path("out/campaigns") / f"{name}.zarr"
     logger.info("%d cases of %g s in %d steps", wanted.count, wanted.stop, wanted.steps)
     with locating(text), progress_bar("simulating damage") as bar:
         run_campaign(wanted, path, progress=lambda done, total: bar.update(done, total, f"{done} of {total} cases,"))
     return read_campaign(path), name
-
-
-def _given(plan: Mapping[str, object]) -> bool:
-    """Tell whether something is said of what is simulated."""
-    return any(value is not None for value in plan.values())
-
-
-def _planned(
-    source: AnyPath | None, window: float | None, **plan: Unpack[PlanOptions]
-) -> tuple[CampaignPlan, Source, str]:
-    """Return the campaign of a file, a scenario or a setup, the text that its mistakes are in, and its name."""
-    from gossamer_models.campaign import Distribution, MeasurementNoise, Mesh, campaign_of_setup
-    from gossamer_models.campaign.defaults import CASES, NOISE
-    from gossamer_orchestrator.scenario.source import Source, find_scenario
-
-    from .descriptions import load_campaign, setup_of
-
-    setup, cases, noise = plan.get("setup"), plan.get("cases"), plan.get("noise")
-    constants = numbers_by_name(assigned(plan.get("set")), "for instance pressure_amplitude=100")
-    run = source is not None and is_scenario(str(source))
-    if setup is not None:
-        file = find_scenario(str(setup), "membrane")
-        if source is not None and not run:
-            msg = f"{source} says what is simulated, and so does {option('setup')}. Leave one of them out."
-            raise OrchestratorError(msg)
-        mesh = plan.get("mesh")
-        membrane = Mesh(setup=setup_of(file, None if mesh is None else Path(mesh)))
-        if run:
-            found, length = membrane_of(find_scenario(str(source)), membrane)
-            membrane, window = found, window or length
-        membrane = replace(membrane, parameters={**membrane.parameters, **constants})
-        wanted = campaign_of_setup(
-            membrane, cases=CASES if cases is None else cases, noise=NOISE if noise is None else noise, window=window
-        )
-        return wanted, Source(file.name, ""), file.stem
-    if plan.get("mesh") is not None:
-        msg = f"{option('mesh')} needs a setup of material and supports. Name its file with {option('setup')}."
-        raise OrchestratorError(msg)
-    file = find_scenario(str(source or NOMINAL), "scenario" if run else "campaign")
-    wanted, text = load_campaign(find_scenario(NOMINAL, "campaign") if run else file)
-    if run:
-        membrane, length = membrane_of(file, wanted.membrane)
-        window = window or length or WINDOW
-        steps = 3 * 4 * max(round(window / wanted.step) // 4, 1) + DRIFT
-        wanted = replace(wanted, membrane=membrane, stop=steps * wanted.step, window=window)
-    wanted = replace(
-        wanted,
-        cases=wanted.cases if cases is None else cases,
-        membrane=replace(wanted.membrane, parameters={**wanted.membrane.parameters, **constants}),
-        noise=wanted.noise if noise is None else MeasurementNoise(strain=Distribution(normal=noise)),
-    )
-    return wanted, text, file.stem
-
-
-def is_scenario(source: str) -> bool:
-    """Tell a scenario, which has components, from a campaign, by content or by the name of a shipped one."""
-    from gossamer_orchestrator.scenario.source import parse_toml, read_text, shipped_scenarios
-
-    if not Path(source).is_file():
-        return source in shipped_scenarios() and source not in shipped_scenarios("campaign")
-    return "components" in parse_toml(read_text(Path(source), "scenario"), source, "scenario")
-
-
-def membrane_of(file: Path, mesh: Mesh) -> tuple[Mesh, float | None]:
-    """Return a membrane with the parameters and constant inputs of a scenario's, and the length of its windows [s]."""
-    from fnmatch import fnmatchcase
-
-    from gossamer_orchestrator import load_scenario
-
-    scenario = load_scenario(file)
-    found = [c for c in scenario.components.values() if Path(c.fmu).stem == "membrane"]
-    fed = {c.target.partition(".")[2].partition("[")[0] for c in scenario.connections}
-    loads = {name.partition("[")[0] for name, row in mesh.settable.items() if row.causality == "input"}
-    if len(found) != 1 or fed & loads:
-        msg = (
-            f"{file.name} does not hold one membrane under its built-in pressure, so there is no campaign for it. Write a "
-            "campaign file: its [membrane] takes mesh, parameters and constant inputs."
-        )
-        raise ScenarioError(msg)
-    constants: dict[str, float] = {}
-    for pattern, value in {**found[0].parameters, **found[0].inputs}.items():
-        if isinstance(value, int | float) and not pattern.startswith("damage"):
-            names = [name for name in mesh.settable if fnmatchcase(name, pattern.replace("[", "[[]"))]
-            constants |= dict.fromkeys(names or [pattern], float(value))
-    detectors = [c for c in scenario.components.values() if Path(c.fmu).stem == "detector"]
-    lengths = [c.parameters.get("window_length") for c in detectors]
-    length = next((float(value) for value in lengths if isinstance(value, int | float)), None)
-    return replace(mesh, parameters=constants), length
 
 
 def _train_thesis(name: str, out: AnyPath | None) -> TrainedDetector:

@@ -98,8 +98,9 @@ def build(
         Order of the membrane's elements: 1 for bilinear ones, 2 to 12 for spectral ones; 4 by default. 6 halves the error
         and takes seven times as long.
     law
-        Law of the membrane's material: st_venant_kirchhoff, which carries compression, by default; hencky; neo_hookean; or
-        relaxed, which wrinkles instead.
+        Law of the membrane's material, the first by default: st_venant_kirchhoff (carries compression), hencky (linear in
+        the logarithmic strain, for large strain), neo_hookean (rubber, for large strain), relaxed (wrinkles where the
+        membrane would be compressed).
     setup
         Membrane on a mesh: TOML file with its material, supports, zones, loads and sensors (docs/setup.md), or sail, drum,
         reflector, tube, which ship with Gossamer.

@@ -324,8 +324,14 @@ def place_sensors(
         load = {name: getattr(p, name) for name in ("pressure_amplitude", "pressure_frequency", "pressure_phase")}
     else:
         structure = load_structure(find_scenario(str(setup), "membrane"), None if mesh is None else Path(mesh))
+
+    def report(what: str, done: int, total: int) -> None:
+        if total:
+            bar.update(done, total, f"{done} of {total} {what},")
+        else:
+            bar.update(text=f"{what},")
+
     with bar:
-        bar.update(text="compiling,")
         found = place(
             structure,
             load | numbers_by_name(assigned(set), "for instance pressure_amplitude=100"),
@@ -337,7 +343,7 @@ def place_sensors(
             stop=stop,
             gauge_length=gauge_length,
             records=check,
-            report=lambda what, done, total: bar.update(done, total, f"{done} of {total} {what},"),
+            report=report,
         )
     folder.mkdir(parents=True, exist_ok=True)
     write_csv(found, table)

@@ -1,8 +1,9 @@
-"""What the twin is fitted to: results of a run with their parameters, or a table."""
+"""Measured records as they are told and kept; what the twin is fitted to: results of a run, or a table."""
 
 from __future__ import annotations
 
 import json
+import logging
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -14,15 +15,20 @@ from gossamer_orchestrator.errors import OrchestratorError, ResultsError
 
 from .arguments import AnyPath, assigned
 from .options import TwinOptions
+from .results import print_tables
+from .terminal import TERMINAL, talk
 
 if TYPE_CHECKING:
     import xarray as xr
     from gossamer_models.arrays import Vector
+    from gossamer_models.fitting import Record
     from gossamer_models.membrane import Structure
     from gossamer_models.twin import ResponseRecord
 
 KINDS = ("strain", "resistance")
 OFF_GRID = 1e-3  # steps
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,7 +127,7 @@ def find_in_results(
         carried = json.loads(data.attrs.get("fmus", "{}")).get(membrane, {}).get("setup")
         structure = square_structure(*mesh) if carried is None else read_structure(carried)
     names = {v.name for v in structure.table if v.causality == "parameter"}
-    recorded = _parameters(data, membrane)
+    recorded = dataset.parameters_of(data, membrane)
     if unknown := [name for name in recorded if name.startswith("youngs_modulus") and name not in names]:
         msg = (
             f"the membrane of the results has a parameter {unknown[0]!r}, that of the twin has none. Name the setup that "
@@ -130,7 +136,7 @@ def find_in_results(
         raise OrchestratorError(msg)
     recorded = {name: value for name, value in recorded.items() if name in names}
     units = input_units(structure)
-    start = {name: value for name, value in _parameters(data, membrane, "start").items() if name in units}
+    start = {name: value for name, value in dataset.parameters_of(data, membrane, "start").items() if name in units}
     record, sensors = _recorded(data, kind, noise, structure)
     return KnownRecord(
         record=replace(record, start={**start, **record.start}),
@@ -216,7 +222,7 @@ def _recorded(
     if data.attrs.get("master") == "jacobi":  # what sensors got is one step old
         time, values = time[:-1], values[:, 1:]
         loads = {name: load[:-1] for name, load in loads.items()}
-    each = [_parameters(data, sensors[k]) if k in sensors else {} for k in range(1, count + 1)]
+    each = [dataset.parameters_of(data, sensors[k]) if k in sensors else {} for k in range(1, count + 1)]
     known = next((parameters for parameters in each if parameters), {})
     tabled = {name: [parameters.get(name, known[name]) for parameters in each] for name in known}
     return make_record(time, values, "resistance", noise, "the results", None, loads, settled=settled), tabled
@@ -250,12 +256,6 @@ def _in_unit(values: xr.DataArray, wanted: str) -> Vector:
     return scale * values.to_numpy().astype(float)
 
 
-def _parameters(data: xr.Dataset, component: str, what: str = "parameters") -> dict[str, float]:
-    """Return the parameters of a component; none in results without provenance, such as a CSV file."""
-    fmus = json.loads(data.attrs.get("fmus", "{}"))
-    return dict(fmus.get(component, {}).get(what, {}))
-
-
 def _assigned(texts: Sequence[str], structure: Structure) -> dict[str, float]:
     from gossamer_models.twin.reading import input_units
     from gossamer_orchestrator.names import suggest
@@ -280,3 +280,34 @@ def numbers_by_name(texts: Sequence[str], example: str) -> dict[str, float]:
             msg = f"{option('set', text)}: {value!r} is no number; write a name and a number, {example}."
             raise OrchestratorError(msg) from None
     return found
+
+
+def tell_recognised(records: Sequence[Record]) -> None:
+    """Tell columns, units, ranges, sampling and gaps of records, how they were repaired, and what a user should confirm."""
+    from gossamer_models.tables import recognised_table
+
+    console = talk()
+    print_tables(console, [recognised_table(records)])
+    for record in records:
+        confirm = [f"{record.name}: {text}" for text in (record.summary.remarks if record.summary else ())]
+        for text in (*record.repaired, *confirm):
+            console.print(text, style="yellow", markup=False)
+            if not TERMINAL.talks and text in confirm:
+                logger.info("%s", text)
+
+
+def histories(record: Record, predicted: Any) -> xr.Dataset:  # noqa: ANN401
+    """Return a record and its predicted resistance over time."""
+    import xarray as xr
+
+    unit = record.unit or "not stated"
+    columns = {
+        "strain": (record.strain, "1"),
+        "resistance": (record.resistance, unit),
+        "predicted": (predicted, unit),
+    }
+    return xr.Dataset(
+        {name: ("time", values, {"units": unit}) for name, (values, unit) in columns.items()},
+        coords={"time": ("time", record.time, {"units": "s", "long_name": "time"})},
+        attrs={"record": record.name},
+    )

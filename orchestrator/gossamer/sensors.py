@@ -14,8 +14,8 @@ from gossamer_files.options import option
 from gossamer_orchestrator.errors import OrchestratorError
 
 from .arguments import Budget, File, Files, Form, Name, Numbers, call_of, command, several
-from .measured import histories, tell_recognised
 from .options import ColumnOptions, FitOptions
+from .records import histories, tell_recognised
 from .results import Saved, first_of
 from .terminal import TERMINAL, progress_bar
 from .writing import json_file, keep_inputs, save_page

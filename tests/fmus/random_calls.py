@@ -237,7 +237,7 @@ if __name__ == "__main__":
     run_state_machine_as_test(
         calls(kind, model_of(name), path, folder),
         settings=settings(
-            max_examples=EXAMPLES // 8 if name == "membrane" else EXAMPLES,
+            max_examples=EXAMPLES // 8 if "membrane" in name else EXAMPLES,
             stateful_step_count=40,
             derandomize=True,
             database=None,

@@ -109,20 +109,15 @@ def membrane_case(rng):
 
 
 def sensor_case(rng):
-    return (
-        sensor_model(),
-        ["resistance"],
-        {"rest_strain": rng.uniform(0, 0.02, CASES)},
-        {"strain": random_walk(rng, 80, 0.003)},
-    )
+    start = {"rest_strain": rng.uniform(0, 0.02, CASES)}
+    return sensor_model(), ["resistance"], start, {"strain": random_walk(rng, 80, 0.003)}
 
 
 def compensator_case(method):
     def case(rng):
         strain = random_walk(rng, 80, 0.003)
-        resistance = (
-            Batch(sensor_model(), ["resistance"], ["strain"]).run(80, H, inputs={"strain": strain}).results[:, 0]
-        )
+        sensor = Batch(sensor_model(), ["resistance"], ["strain"])
+        resistance = sensor.run(80, H, inputs={"strain": strain}).results[:, 0]
         noisy = resistance * (1.0 + 1e-4 * rng.normal(size=resistance.shape))
         return compensator_model(method=method), ["strain", "saturated"], {}, {"resistance": noisy}
 
@@ -351,9 +346,8 @@ def test_another_process_needs_no_model(tmp_path):
         "import pickle, sys; batch = pickle.loads(open(sys.argv[1], 'rb').read()); "
         "print(batch.run(3, 0.1, {'push': [1.0, 2.0]}).results.tobytes().hex())"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", program, tmp_path / "batch"], capture_output=True, text=True, check=True
-    )
+    command = [sys.executable, "-c", program, tmp_path / "batch"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == batch.run(3, 0.1, {"push": [1.0, 2.0]}).results.tobytes().hex()
 
 
@@ -392,9 +386,8 @@ def test_loops_are_run_or_refused_but_nothing_stands_in_for_them(monkeypatch):
     """With a compiler they are the same as the expression; without one, a model that has no other form is named."""
     square = square_structure(4, 1)
     looped = membrane_model(square, compiled=True)
-    found = [
-        Batch(model, ["deflection"]).run(5, H, {"pressure": 9.0}).results for model in (membrane_model(square), looped)
-    ]
+    both = (Batch(model, ["deflection"]) for model in (membrane_model(square), looped))
+    found = [batch.run(5, H, {"pressure": 9.0}).results for batch in both]
     np.testing.assert_array_equal(*found)
     x, d = (np.zeros(looped.tables.loops[0].stand_in.nnz_in(i)) for i in range(2))
     assert all(np.isnan(np.asarray(part)).all() for part in looped.tables.loops[0].stand_in(x, d))

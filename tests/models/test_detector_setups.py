@@ -5,16 +5,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from gossamer.plans import judged_on
+from gossamer_fmus.catalogue import make_model
 from gossamer_models import ArtifactError, ParameterError, Stepper, simulate
 from gossamer_models.assessment import PosteriorJudge, conditions, plan_of_square, read_judge
 from gossamer_models.assessment.conditions import detections, finer
 from gossamer_models.assessment.figures import errors, held_out_verdicts
 from gossamer_models.campaign import Mesh, campaign_of_setup, read_campaign, run_campaign
 from gossamer_models.campaign.symmetry import Symmetry, mirrors
-from gossamer_models.detector import judge_records, posterior_model
+from gossamer_models.detector import PosteriorArtifact, judge_records, posterior_model
 from gossamer_models.detector.posterior_records import Training
 from gossamer_models.detector.posterior_training import train_posterior
-from gossamer_models.membrane import Load, first_period, square_structure
+from gossamer_models.membrane import Load, first_period, membrane_model, square_structure
+from gossamer_orchestrator.errors import OrchestratorError
 from oracles.dish import dish_file, dish_setup
 
 meshio = pytest.importorskip("meshio")
@@ -107,6 +110,31 @@ def test_a_detector_of_another_structure_is_refused(trained, setup, tmp_path):
     other = Mesh(setup=replace(setup, zones=(replace(setup.zones[0], name="{sector} of {ring}"),))).structure
     with pytest.raises(ArtifactError, match="whose zone 1 is 'ring 1 sector 1', and here it is '1 of 1'"):
         read_judge(tmp_path / "dish.json", other)
+    thicker = replace(setup, title="Another dish", regions=(replace(setup.regions[0], thickness=1e-4),))
+    with pytest.raises(
+        ArtifactError, match=r"trained for 'dish.inp', and this structure, 'Another dish', has other reg"
+    ):
+        read_judge(tmp_path / "dish.json", Mesh(setup=thicker).structure)
+
+
+def test_a_detector_carries_the_structure_that_it_is_trained_for(trained, setup, tmp_path):
+    """Mesh and all: what it is judged on needs no file, has the same model, and can be made finer."""
+    artifact, *_ = trained
+    artifact.write(tmp_path / "dish.json")
+    again = PosteriorArtifact.read(tmp_path / "dish.json")
+    assert setup.mesh not in (tmp_path / "dish.json").read_text()
+    plan = judged_on([tmp_path / "dish.json"], None, None, None)
+    assert (plan.step, plan.noise.strain.normal) == (artifact.sampling_step, pytest.approx(artifact.noise))
+    own, there = Mesh(setup=setup).structure, plan.membrane.structure
+    assert membrane_model(there).digest == membrane_model(replace(own, setup=there.setup)).digest
+    assert again.parameters == {}
+    finest, known = finer(plan.membrane).structure, finer(Mesh(setup=setup)).structure
+    assert sorted(map(tuple, finest.mesh.nodes.round(9))) == sorted(map(tuple, known.mesh.nodes.round(9)))
+    with pytest.raises(OrchestratorError, match="need a setup"):
+        judged_on([], None, None, ["pressure_amplitude=3"])
+    with pytest.raises(ArtifactError, match="trained for 5 zones and 5 sensors"):
+        make_model("detector", artifact=tmp_path / "dish.json", structure=square_structure())
+    assert make_model("detector", artifact=tmp_path / "dish.json", structure=own).name == "detector"
 
 
 def test_conditions_of_a_setup_vary_what_it_has(setup):

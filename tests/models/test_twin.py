@@ -132,11 +132,37 @@ def test_on_resistance_the_sensor_runs_inside_the_twin(forward, twin):
     np.testing.assert_allclose(answer.damage, TWO, atol=0.01)
 
 
-def test_a_wrong_load_is_not_valid(forward, twin):
-    values = strain(forward, TWO, 0.02, pressure_amplitude=0.9e4)
-    answer = twin.fit(ResponseRecord(step=STEP, values=values, noise=NOISE))
+@pytest.mark.parametrize(
+    ("parameters", "gain", "reason"),
+    [
+        ({"pressure_amplitude": 0.9e4}, 1.0, "most likely the load is 0.9 times as large: with amplitude fitted too"),
+        ({"pressure_frequency": 7.6}, 1.0, "most likely the load has 0.962 times the frequency"),
+        ({"mass_damping": 30.0}, 1.0, "most likely the damping is 1.5"),
+        ({}, 0.97, "most likely sensor 1 has a gain of 0.97"),
+    ],
+)
+def test_what_is_wrong_beside_the_damage_is_not_valid_and_named(forward, twin, parameters, gain, reason):
+    values = gain * strain(forward, TWO, 2e-3, **parameters)
+    answer = twin.fit(ResponseRecord(step=STEP, values=values, noise=NOISE / 10.0))
     assert not answer.valid
+    assert answer.doubts[0].startswith(reason)
     assert "does not explain the record" in answer.doubts[-1]
+
+
+def test_zones_that_are_not_determined_have_bounds_and_what_is_not_valid_is_withheld(forward, twin):
+    answer = twin.fit(ResponseRecord(step=STEP, values=strain(forward, TWO, 0.02), noise=NOISE))
+    doubtful = replace(answer, deviation=np.where(TWO == 0.15, 0.03, answer.deviation))
+    assert answer.determined[[5, 10]].all()
+    assert answer.as_json()["damage"][10] == answer.damage[10]
+    assert not doubtful.determined[10]
+    assert doubtful.as_json()["damage"][10] is None
+    np.testing.assert_allclose(doubtful.bounds[10], answer.damage[10] + [-1.96 * 0.03, 1.96 * 0.03])
+    untold = replace(answer, unresolved=(3,))
+    assert untold.bounds[2].tolist() == [0.0, 1.0]
+    assert not untold.determined[2]
+    wrong = replace(answer, valid=False)
+    assert wrong.as_json()["damage"] is None
+    assert wrong.as_json(show_invalid=True)["damage"][10] == answer.damage[10]
 
 
 def test_a_softer_membrane_is_no_damage_of_all_zones(forward):

@@ -16,7 +16,7 @@ from gossamer_models.membrane import (
 from gossamer_models.membrane.portable import read_structure, structure_text
 from gossamer_models.sensor import default_artifact
 from gossamer_models.twin import MembraneForward, ResponseRecord, StaticRecord, Twin, Watch, read_table
-from gossamer_models.twin.groups import alike
+from gossamer_models.twin.groups import alike, untold
 from gossamer_models.twin.problem import ErrorWeights
 from gossamer_models.twin.record import best_wiring, other_wirings
 from gossamer_models.twin.simulation import SensedForward
@@ -165,6 +165,19 @@ def test_zones_that_act_alike_are_answered_together(strip):
     assert alike(J.T @ J).tolist() == [0, 1, 1]
     assert alike(np.eye(3) / 1e-6).tolist() == [0, 1, 2]
     assert alike(np.diag([1e6, 0.0, 0.0])).tolist() == [0, 1, 2]  # nothing known of them, together neither
+
+
+def test_what_cannot_be_told_is_said_before_the_fit(dish, recorded):
+    J = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 1.0], [0.0, 0.5, 0.5]]) / 1e-3
+    (together,) = untold(J.T @ J, ("rim", "left", "right"))
+    assert together.startswith("left and right act alike on the sensors")
+    (lost,) = untold(np.diag([1e6, 1e6, 0.0]), ("rim", "left", "right"))
+    assert lost.startswith("Damage of right hardly moves the sensors")
+    start = {"pressure": PRESSURE}
+    clear = ResponseRecord(step=STEP, values=recorded, noise=NOISE, inputs=start)
+    assert Twin(dish).untold(clear) == []
+    drowned = Twin(dish).untold(ResponseRecord(step=STEP, values=recorded, noise=1.0, inputs=start))
+    assert len(drowned) >= 1
 
 
 def test_readings_are_weighed_by_noise_and_model_error():

@@ -248,7 +248,7 @@ def read_judge(path: Path, structure: Structure | None = None) -> Judge:
     """
     trained = read_detector(path)
     if structure is not None:
-        trained.require_structure(structure.zone_names, structure.n_sensors, str(path))
+        trained.require_structure(structure, str(path))
     if isinstance(trained, PosteriorArtifact):
         return PosteriorJudge(trained, name=f"{trained.windows[0].network} {path.stem}")
     return DetectorJudge(detector_model(trained), name=f"energies {path.stem}")

@@ -29,7 +29,8 @@ from ..element_loop import ElementLoop, Tables
 from ..step_model import StepModel
 
 MAX_EXPANDED = 100_000  # half a minute of compiling
-MAX_BESIDE_LOOPS = 20_000  # where loops over arrays cost but a third more: five seconds of compiling
+MAX_BESIDE_LOOPS = 12_000  # where loops over arrays cost a quarter more at most: some ten seconds of compiling
+MAX_ONCE = 1_000  # beside loops, of what is run once a case
 MAX_ELEMENT = 10_000  # of one element's function
 
 
@@ -48,7 +49,8 @@ def sources(model: StepModel, results: Sequence[str]) -> dict[str, bytes]:
     loops = () if model.tables is None else model.tables.loops
     if model.tables is not None:
         functions = [_with_numbers(function, model.tables) for function in functions]
-    functions = [_expanded(function, MAX_BESIDE_LOOPS if loops else MAX_EXPANDED) for function in functions]
+    most = (MAX_ONCE, MAX_BESIDE_LOOPS) if loops else (MAX_EXPANDED, MAX_EXPANDED)
+    functions = [_expanded(function, size) for function, size in zip(functions, most, strict=True)]
     elements = [_expanded(loop.function, MAX_ELEMENT) for loop in loops]
     generator = ca.CodeGenerator("functions", {"with_header": False, "verbose": False, "indent": 0})
     for function in [*functions, *elements, *(loop.stand_in for loop in loops)]:

@@ -16,7 +16,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..membrane import Setup, Structure, make_structure, read_mesh, square_structure, surface_mesh
+from ..membrane import Setup, Structure, make_structure, read_mesh, read_structure, square_structure, surface_mesh
+from ..membrane.refinement import refined
 from ..mistakes import DescriptionError, Mistake, disordered, raise_any
 from ..variables import Variable
 
@@ -108,6 +109,8 @@ class Mesh:
         Of the square, as in ``square_structure``; they have no meaning beside a setup.
     setup : Setup or None
         Another membrane than the square; its ``mesh`` is the path of a file.
+    carried : str
+        The structure that the setup was read from, as ``structure_text`` wrote it; its mesh takes the place of the file.
     parameters : mapping of str to float
         Parameters and constant inputs by name; the others keep their start values.
     """
@@ -116,6 +119,7 @@ class Mesh:
     order: int = 4
     law: str = "st_venant_kirchhoff"
     setup: Setup | None = None
+    carried: str = ""
     parameters: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -131,7 +135,7 @@ class Mesh:
         """The membrane, with its zones and sensors."""
         if self.setup is None:
             return _square(self.elements_per_side, self.order, self.law)
-        return _on_its_mesh(self.setup)
+        return _on_its_mesh(self.setup, self.carried)
 
     @property
     def settable(self) -> dict[str, Variable]:
@@ -161,7 +165,11 @@ _square = lru_cache(maxsize=8)(square_structure)
 
 
 @lru_cache(maxsize=8)
-def _on_its_mesh(setup: Setup) -> Structure:
+def _on_its_mesh(setup: Setup, carried: str) -> Structure:
+    if carried:
+        there = read_structure(carried)
+        same = there.setup.order == setup.order
+        return make_structure(setup, there.mesh if same else refined(there.mesh, setup.order, quarters=False))
     return make_structure(setup, surface_mesh(read_mesh(Path(setup.mesh), setup.scale), setup.order))
 
 

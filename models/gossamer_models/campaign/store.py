@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from ..compensator.estimator import HALF_WIDTHS
 from ..errors import DataError
+from ..membrane.portable import structure_text
 from .chunk import Kernels
 from .description import NOISE, ONSET, SENSOR_GAIN, CampaignPlan
 from .symmetry import find_symmetry
@@ -45,6 +46,7 @@ def identity(campaign: CampaignPlan, kernels: Kernels) -> dict[str, Any]:
         del content["chain"]["artifact"]  # the digest of the sensor stands for it
     if campaign.membrane.setup is not None:
         del content["membrane"]["setup"]["mesh"]  # and that of the membrane for its mesh
+    del content["membrane"]["carried"]
     models = {f"model.{name}": digest for name, digest in kernels.digests.items()}
     engine = "compiled" if kernels.membrane.compiled else "stepper"  # they differ by round-off
     return {
@@ -137,7 +139,7 @@ def create_store(path: Path, campaign: CampaignPlan, kernels: Kernels, source: s
     path.parent.mkdir(parents=True, exist_ok=True)
     wanted = identity(campaign, kernels)
     unfinished = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
-    attributes = {
+    attributes: dict[str, Any] = {
         "schema": SCHEMA,
         "version": VERSION,
         "title": campaign.title,
@@ -152,6 +154,8 @@ def create_store(path: Path, campaign: CampaignPlan, kernels: Kernels, source: s
         },
     }
     structure = campaign.membrane.structure
+    if campaign.membrane.setup is not None:
+        attributes["structure"] = structure_text(structure)
     sizes = {"case": campaign.count, "sensor": structure.n_sensors, "zone": structure.n_zones, "time": campaign.steps}
     try:
         group = zarr.create_group(unfinished, attributes=attributes)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,10 +12,13 @@ from typing import Any
 
 import numpy as np
 from gossamer_files import reason
+from gossamer_files.options import option
 
 from ..arrays import Vector
 from ..artifacts import read_arrays, read_artifact, write_artifact
 from ..errors import ArtifactError
+from ..membrane import Setup, Structure, read_structure
+from ..membrane.portable import TABLES
 from .features import BLOCK, PACKETS
 
 SCHEMA, VERSION = "gossamer.detector", 1
@@ -53,6 +57,10 @@ class TrainedWindows(ABC):
         Samples in a window, a multiple of 4.
     zone_names : tuple of str
         What the zones are called; empty for zone 1, zone 2, ...
+    structure : str
+        Membrane on a mesh that it is trained for, as ``structure_text`` writes it; empty for the square.
+    parameters : dict of str to float
+        Parameters and constant inputs of that membrane which differ from its own.
     provenance : dict
         How it was trained.
     """
@@ -61,6 +69,8 @@ class TrainedWindows(ABC):
     sampling_step: float
     samples: int
     zone_names: tuple[str, ...] = ()
+    structure: str = ""
+    parameters: dict[str, float] = field(default_factory=dict)
     provenance: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -69,23 +79,22 @@ class TrainedWindows(ABC):
         whole = self.samples >= BLOCK and self.samples % BLOCK == 0
         require(whole, f"a window needs a multiple of {BLOCK} samples, not {self.samples}")
 
-    def require_structure(self, zones: Sequence[str], sensors: int, name: str) -> None:
+    def require_structure(self, structure: Structure, name: str) -> None:
         """Refuse a structure that it is not trained for.
 
         Parameters
         ----------
-        zones : sequence of str
-            What its zones are called.
-        sensors : int
-            How many it has.
+        structure : Structure
+            On any mesh of its shape.
         name : str
             Of the detector, for the message.
 
         Raises
         ------
         ArtifactError
-            It has other zones, or another number of sensors.
+            It has other zones or sensors, or is made, held or loaded in another way than the structure of the training.
         """
+        zones, sensors = structure.zone_names, structure.n_sensors
         if (self.zones, self.sensors) != (len(zones), sensors):
             msg = (
                 f"{name} is trained for {self.zones} zones and {self.sensors} sensors, and this structure has {len(zones)} "
@@ -98,6 +107,15 @@ class TrainedWindows(ABC):
             msg = (
                 f"{name} is trained for a structure whose zone {k + 1} is {own[k]!r}, and here it is {other[k]!r}. Train "
                 "one for this structure: gossamer train --setup."
+            )
+            raise ArtifactError(msg)
+        if not self.structure:
+            return
+        trained = read_structure(self.structure)
+        if (what := _difference(trained.setup, structure.setup)) is not None:
+            msg = (
+                f"{name} is trained for {_called(trained)!r}, and this structure, {_called(structure)!r}, has other {what}. "
+                f"Leave out {option('setup')}, or train one for it: gossamer train --setup."
             )
             raise ArtifactError(msg)
 
@@ -124,14 +142,30 @@ class TrainedWindows(ABC):
     def card(self) -> dict[str, Any]:
         """Return what the card of the file says of the windows."""
         times = {"start_time": self.start_time, "sampling_step": self.sampling_step, "samples": self.samples}
-        return times | {"zone_names": list(self.zone_names)}
+        structure = json.loads(self.structure) if self.structure else None
+        return times | {"zone_names": list(self.zone_names), "structure": structure, "parameters": self.parameters}
 
     @staticmethod
     def of_card(card: dict[str, Any]) -> dict[str, Any]:
         """Return the fields of this class from a card."""
         times = {name: float(card[name]) for name in ("start_time", "sampling_step")}
-        names = tuple(card.get("zone_names", ()))
-        return times | {"samples": int(card["samples"]), "zone_names": names, "provenance": dict(card["provenance"])}
+        there = card.get("structure")
+        return times | {
+            "samples": int(card["samples"]),
+            "zone_names": tuple(card.get("zone_names", ())),
+            "structure": "" if there is None else json.dumps(there),
+            "parameters": {name: float(value) for name, value in card.get("parameters", {}).items()},
+            "provenance": dict(card["provenance"]),
+        }
+
+
+def _difference(one: Setup, other: Setup) -> str | None:
+    """Return the first table of two setups that differs, if one does."""
+    return next((name for name in TABLES if getattr(one, name) != getattr(other, name)), None)
+
+
+def _called(structure: Structure) -> str:
+    return structure.setup.title or structure.mesh.name
 
 
 @dataclass(frozen=True, kw_only=True)

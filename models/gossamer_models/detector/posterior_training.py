@@ -85,6 +85,8 @@ def train_posterior(
         sampling_step=float(campaign["step"]),
         samples=t.samples,
         zone_names=tuple(data["zone"].attrs["names"]),
+        structure=data.attrs.get("structure", ""),
+        parameters=campaign["membrane"]["parameters"],
         block=t.block,
         windows=windows,
         periodic=data.sizes["time"] > t.windows * t.samples,

@@ -188,11 +188,8 @@ class MembraneEquations:
         values["pressure"] = pressure
         if "along" in self.shared_names:
             S = [of_region(np.array([r.prestress[k] for r in setup.regions])) for k in range(3)]
-            warm = 0.0
-            if any(r.thermal_expansion for r in setup.regions):
-                warm = (
-                    2.0 * of_region(np.array([r.thermal_expansion for r in setup.regions])) * of_region(u.temperature)
-                )
+            expansion = np.array([r.thermal_expansion for r in setup.regions])
+            warm = 2.0 * of_region(expansion) * of_region(u.temperature) if expansion.any() else 0.0
             for a, name in enumerate(("along", "across")):
                 values[name] = 2.0 * (S[a] - nu * S[1 - a]) / E - warm
             values["shear"] = 2.0 * (1.0 + nu) * S[2] / E
@@ -274,12 +271,11 @@ class MembraneEquations:
 
         Shape (axes m, axes m n), along x of all nodes first; see ``places`` for where they belong.
         """
-        found, columns = [], len(self.structure.region)
+        found = []
         for i, block in enumerate(self.structure.elements):
             side = block.geometry.side or 1.0
             unit = side * self.size(p)
-            own = (value * unit if name in _PER_LENGTH else value for name, value in shared.items())
-            d = ca.vertcat(*(ca.repmat(value, 1, columns) if ca.MX(value).is_scalar() else value for value in own))
+            d = self._columns({name: value * unit if name in _PER_LENGTH else value for name, value in shared.items()})
             each = element_tangent(self.structure, i, self.shared_names, axes).map(len(block.nodes), "serial")
             at = ca.vertcat(*self._positions(block, self.shortness(p) / side * x))
             numbers = ca.DM(own_numbers(self.structure, block)).T
@@ -342,19 +338,21 @@ class MembraneEquations:
         """Write the forces as a map of one element's function, whose C is small and in lanes fast without expansion."""
         compressed = "compressed_share" in self._table
         loop = force_loop(self.structure, self._rank, i, self.shared_names, compressed=compressed)
-        places, columns = _places(loop.nodes).reshape(-1), len(self.structure.region)
-        d = [ca.repmat(value, 1, columns) if ca.MX(value).is_scalar() else value for value in shared.values()]
+        places = _places(loop.nodes).reshape(-1)
         elements = ca.reshape(x[places.tolist()], -1, len(loop.nodes))
         each = loop.function.map(len(loop.nodes))
-        f, rate, strain, *rest = each(elements, ca.vertcat(*d)[:, loop.shared.tolist()], ca.DM(loop.own).T)
+        f, rate, strain, *rest = each(elements, self._columns(shared)[:, loop.shared.tolist()], ca.DM(loop.own).T)
         f = sum_at(places, ca.vec(f), 3 * len(self._rank))
         return Forces(f, ca.mmax(rate), ca.mmax(strain), ca.sum2(rest[0]) if rest else ca.MX(0.0))
 
     def _looped(self, i: int, x: ca.MX, shared: Shared) -> Forces:
-        columns = len(self.structure.region)
-        d = [ca.repmat(value, 1, columns) if ca.MX(value).is_scalar() else value for value in shared.values()]
-        f, rate, strain, *rest = self._force_loops[i].stand_in.call([x, ca.vec(ca.vertcat(*d))])
+        f, rate, strain, *rest = self._force_loops[i].stand_in.call([x, ca.vec(self._columns(shared))])
         return Forces(f, rate, strain, rest[0] if rest else ca.MX(0.0))
+
+    def _columns(self, shared: Shared) -> ca.MX:
+        """Return what elements share as one matrix, a column for each combination."""
+        columns = len(self.structure.region)
+        return ca.vertcat(*(ca.repmat(v, 1, columns) if ca.MX(v).is_scalar() else v for v in shared.values()))
 
     def _positions(self, block: Elements, x: ca.MX) -> list[ca.MX]:
         columns = ca.reshape(x[_places(self._rank[block.nodes]).reshape(-1).tolist()], -1, len(block.nodes))

@@ -115,7 +115,7 @@ class Law:
     stress : callable
         ``stress(e, D, nu) -> S``.
     text : str
-        What it does, for a list of laws.
+        What it does, in the lists that ``make goldens`` writes into pages and help.
     linear : bool
         Whether stress is linear in the Green-Lagrange strain where the membrane is taut.
     wrinkles : bool
@@ -130,8 +130,8 @@ class Law:
 
 LAWS = {
     "st_venant_kirchhoff": Law(st_venant_kirchhoff, "carries compression", linear=True),
-    "hencky": Law(hencky, "linear in the logarithmic strain"),
-    "neo_hookean": Law(neo_hookean, "rubber"),
+    "hencky": Law(hencky, "linear in the logarithmic strain, for large strain"),
+    "neo_hookean": Law(neo_hookean, "rubber, for large strain"),
     "relaxed": Law(relaxed, "wrinkles where the membrane would be compressed", linear=True, wrinkles=True),
 }
 

@@ -26,7 +26,7 @@ CONTRACTION = 0.5  # of the forces in a step with kept factors; if they fall les
 STALLED = 1e3  # over the forces that rounding leaves: accepted where they fall no further
 _SHARES = (1.0, 0.5, 0.2, 0.05, 0.01)  # of a Newton step, until the forces fall
 _SHIFT, _FALL = 1e-3, 0.1  # mu at first, and its factor after a step
-_REFUSED = 3  # steps at most in which the energy rises: slack films gain nothing over relaxation
+_REFUSED = 15  # steps at most in which the energy rises: a film that is slack all over is left to relaxation
 
 
 class Newton:
@@ -68,10 +68,12 @@ class Newton:
         blocks = self._blocks(u, p, q)
         return self._pattern.matrix([column(b) for b in (blocks if isinstance(blocks, tuple) else (blocks,))])
 
-    def stiffened(self, u: Vector, p: Vector, q: Vector, mu: float = 0.0) -> scipy.sparse.csc_matrix:
+    def stiffened(self, u: Vector, p: Vector, q: Vector) -> scipy.sparse.csc_matrix:
         """Return the tangent that can be factored where the film is slack."""
-        more = scipy.sparse.diags((SOFTEST + mu) * self._stiffness[self.free], format="csc")
-        return scipy.sparse.csc_matrix(self.tangent(u, p, q) + more)
+        return self._shifted(self.tangent(u, p, q), SOFTEST)
+
+    def _shifted(self, K: scipy.sparse.csc_matrix, mu: float) -> scipy.sparse.csc_matrix:
+        return scipy.sparse.csc_matrix(K + scipy.sparse.diags(mu * self._stiffness[self.free], format="csc"))
 
     def left(self, u: Vector, p: Vector, q: Vector) -> tuple[Vector, float]:
         """Return the forces on free displacements [N], and the largest over what is accepted."""
@@ -80,29 +82,34 @@ class Newton:
         left = float(np.max(np.abs(all_forces / self._stiffness))) / float(accepted)
         return np.asarray(all_forces[self.free]), left if np.isfinite(left) else np.inf
 
-    def start(self) -> Vector | None:
-        r"""Return the equilibrium of the start values, None if none is reached from the place of the mesh.
+    def start(self, begin: Vector | None = None) -> Vector | None:
+        r"""Return the equilibrium of the start values, None if none is reached.
+
+        Parameters
+        ----------
+        begin : ndarray, shape (3 M,), optional
+            Displacements to begin with [m]; None for the place of the mesh.
 
         Notes
         -----
         Steps :math:`d = (K + \mu M)^{-1} f`. Where the energy falls by the trapezoidal rule, :math:`f' \cdot d > -f \cdot
         d/2` with the forces f' after the step, the step is taken and the shift falls; else it rises. It ends where the
-        forces are accepted and fall no further, and soon gives up a film that is slack where it starts.
+        forces are accepted and fall no further, and gives up after some steps whose energy rises.
         """
         u, p = self._start
         if not len(self.free):  # all nodes are held
             return None
-        q, mu, refused = np.zeros(len(self._stiffness)), _SHIFT, 0
-        f, left = self.left(u, p, q)
+        q, mu, refused = np.zeros(len(self._stiffness)) if begin is None else begin, _SHIFT, 0
+        (f, left), K = self.left(u, p, q), self.stiffened(u, p, q)
         for _ in range(MOST_STEPS):
-            step = splu(self.stiffened(u, p, q, mu)).solve(f)
+            step = splu(self._shifted(K, mu)).solve(f)
             to = q.copy()
             to[self.free] += step
             f_to, left_to = self.left(u, p, to)
             if left <= 1.0 and left_to >= left:
                 return q
             if left_to < np.inf and f_to @ step > -0.5 * (f @ step):
-                q, f, left, mu = to, f_to, left_to, _FALL * mu
+                q, f, left, mu, K = to, f_to, left_to, _FALL * mu, self.stiffened(u, p, to)
                 continue
             mu, refused = mu / _FALL, refused + 1
             if refused > _REFUSED:

@@ -6,7 +6,8 @@ Numbers are written with all their digits, so what is read equals what was writt
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -32,12 +33,14 @@ TABLES: dict[str, type] = {
 
 
 def structure_text(structure: Structure) -> str:
-    """Return a structure that was made from a setup and a mesh as JSON."""
+    """Return a structure that was made from a setup and a mesh as JSON; its mesh is as fine as it is."""
     mesh = structure.mesh
+    setup = replace(structure.setup, mesh=Path(structure.setup.mesh).name, refine=0)
     groups = {kind: {name: rows.tolist() for name, rows in getattr(mesh, kind).items()} for kind in _GROUPS}
     blocks = [{"order": b.order, "elements": b.elements.tolist(), "faces": b.faces.tolist()} for b in mesh.blocks]
     content = {"name": mesh.name, "nodes": mesh.nodes.tolist(), "blocks": blocks, **groups}
-    card = {"schema": SCHEMA, "version": VERSION, "setup": asdict(structure.setup), "mesh": content}
+    card = {"schema": SCHEMA, "version": VERSION, "setup": asdict(setup), "mesh": content}
+    card["zone_names"] = structure.zone_names  # for those who read no meshes
     return json.dumps(card)
 
 
@@ -62,7 +65,7 @@ def read_structure(text: str) -> Structure:
             SurfaceMesh(name=mesh["name"], nodes=np.array(mesh["nodes"]), blocks=blocks, **groups),
         )
     except (KeyError, TypeError, ValueError) as error:
-        msg = f"this is no structure of a membrane: {reason(error)}. Build the FMU again."
+        msg = f"this is no structure of a membrane: {reason(error)}. Make it again."
         raise DataError(msg) from error
 
 

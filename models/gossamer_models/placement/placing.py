@@ -35,7 +35,7 @@ TARGET = 0.02  # deviation [1] of the worst zone that a count is looked for with
 ROUGH = 0.1  # differences at two steps that disagree by more mean nothing
 COMMON = 0.3  # smallest part over the largest of a damage that all zones share
 PART = 0.5  # of the largest: zones that make up a combination
-Report: TypeAlias = Callable[[str, int, int], None]  # what is done, how many of how many
+Report: TypeAlias = Callable[[str, int, int], None]  # what is done, how many of how many; 0 of 0 where it is one piece
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,20 +151,23 @@ def place_sensors(
     All is linear about the undamaged membrane. The model is taken to be exact: what a finer mesh would add is left out.
     """
     samples = _samples(noise, step, stop)
+    report("laying out the candidates", 0, 0)
     every = candidates(structure, points, gauge_length, own=True)
     forward = MembraneForward(structure, load, every)
     known, zones = forward.parameters, len(forward.zones)
     unknown = tuple(name for name in UNKNOWN if known[FACTORS[name][0]] > 0.0)
     nuisances = Nuisances(unknown, known, forward.inputs, forward.sensors)
     problem, simulations = DamageUnknowns(forward, nuisances), 1 + zones + len(unknown)
+    report(f"compiling the membrane and simulating {simulations} cases", 0, 0)
     strain, J = problem.linearised(np.zeros(problem.size), samples, step, lambda *each: report("simulations", *each))
     if np.ptp(strain, axis=1).max() <= STILL:
         msg = (
             "no strain changes while it is recorded, so it tells nothing. Let the built-in pressure act, for instance "
             f"{option('set', 'pressure_amplitude=100')} {option('set', 'pressure_frequency=5')}, on a setup with a "
-            "load of kind 'pressure'."
+            "load of kind 'pressure'. A structure at rest, as the shipped sail, is for the twin, from load states."
         )
         raise ParameterError(msg)
+    report("checking that the response is smooth", 0, 0)
     if (rough := problem.roughness(samples, step)) > ROUGH:
         msg = (
             f"the response to damage is not smooth: differences at two steps disagree by {100.0 * rough:.2g} %, as of a "
@@ -172,6 +175,7 @@ def place_sensors(
             "at rest."
         )
         raise ParameterError(msg)
+    report("choosing sensors", 0, 0)
     I = information(J, noise)
     curve: list[tuple[int, float]] = []
     for many in COUNTS if count is None else ():

@@ -7,8 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Matrix, Vector
+from ..arrays import Matrix, Rows, Vector
 from .record import ResponseRecord
+
+DETERMINED = 0.02  # deviation of a damage that is answered with a value
+WIDTH = 1.96  # deviations to each side of the bounds, 95 %
+OF_ZONES = ("damage", "deviation", "probability", "covariance", "bounds")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,10 +75,38 @@ class Answer:
     record: ResponseRecord
     predicted: Matrix
 
-    def as_json(self) -> dict[str, Any]:
-        """Return the answer without its histories as JSON values."""
-        return {
+    @property
+    def determined(self) -> Rows:
+        """Whether the damage of each zone is known to 2 percentage points, shape (zones,); others have bounds alone."""
+        return np.asarray((self.deviation <= DETERMINED) & ~self._untold)
+
+    @property
+    def bounds(self) -> Matrix:
+        """Between which the damage of each zone lies in 95 of 100 records that the twin explains [1], shape (zones, 2)."""
+        reach = np.where(self._untold, 1.0, WIDTH * self.deviation)
+        return np.asarray(np.clip(self.damage[:, None] + reach[:, None] * [-1.0, 1.0], 0.0, 1.0))
+
+    @property
+    def _untold(self) -> Rows:
+        """Which zones the record cannot tell by themselves, and that are not answered together with others."""
+        together = np.array([bool(others) for others in self.together_with or [()] * len(self.zones)])
+        return np.asarray(np.isin(np.arange(1, len(self.zones) + 1), self.unresolved or ()) & ~together)
+
+    def as_json(self, *, show_invalid: bool = False) -> dict[str, Any]:
+        """Return the answer without its histories as JSON values: null where a zone has no value.
+
+        Parameters
+        ----------
+        show_invalid : bool
+            Whether the zones of an answer that is not valid are shown.
+        """
+        left_out = ("record", "predicted", *(OF_ZONES if not (self.valid or show_invalid) else ()))
+        found = {
             name: value.tolist() if isinstance(value := getattr(self, name), np.ndarray) else value
-            for name in self.__dataclass_fields__
-            if name not in ("record", "predicted")
+            for name in (*self.__dataclass_fields__, "determined", "bounds")
+            if name not in left_out
         }
+        if not self.valid and not show_invalid:
+            return found | dict.fromkeys(OF_ZONES)
+        damage = [value if known else None for value, known in zip(self.damage.tolist(), self.determined, strict=True)]
+        return found | {"damage": damage}

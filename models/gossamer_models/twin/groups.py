@@ -6,6 +6,7 @@ the groups' damages.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
@@ -63,6 +64,32 @@ def alike(A: Matrix) -> NDArray[np.int64]:
                 break
         else:
             return groups
+
+
+def untold(A: Matrix, names: Sequence[str]) -> list[str]:
+    """Say which zones a record cannot tell, one sentence for each group that acts alike and for each zone that hardly acts.
+
+    Parameters
+    ----------
+    A : ndarray, shape (zones, zones)
+        As of ``alike``.
+    names : sequence of str
+        Of the zones.
+    """
+    groups = alike(A)
+    M = np.eye(groups.max() + 1)[groups]
+    lost = np.sqrt(np.diag(_covariance(M.T @ A @ M))) > UNRESOLVED * PRIOR_DEVIATION
+    found = []
+    for group in range(groups.max() + 1):
+        which = [name for name, each in zip(names, groups.tolist(), strict=True) if each == group]
+        listed = " and ".join([", ".join(which[:-1]), which[-1]] if which[1:] else which)
+        if which[1:]:
+            found.append(f"{listed} act alike on the sensors: the record tells them only together. Add a sensor there.")
+        elif lost[group]:
+            found.append(
+                f"Damage of {listed} hardly moves the sensors: the record does not tell it. Add a sensor there."
+            )
+    return found
 
 
 def _covariance(A: Matrix) -> Matrix:

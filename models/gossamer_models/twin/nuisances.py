@@ -209,6 +209,17 @@ class Nuisances:
         return max(sizes)
 
 
+def possible(parameters: Mapping[str, float], loads: Loads) -> tuple[str, ...]:
+    """Return those of ``NAMES`` that have something to act on."""
+    built_in = parameters.get("pressure_amplitude", 0.0) > 0.0
+    given = any(np.ptp(values) > 0.0 for values in loads.histories.values())
+    has = dict.fromkeys(OF_BUILT_IN, built_in) | {
+        "amplitude": built_in or given,
+        "damping": parameters.get("mass_damping", 0.0) > 0.0,
+    }
+    return tuple(name for name in NAMES if has.get(name, True))
+
+
 def check_names(kinds: Sequence[str], inputs: Iterable[str]) -> None:
     """Raise ``ParameterError`` unless each kind is one of ``NAMES``, or an input, and stands once."""
     for kind in kinds:

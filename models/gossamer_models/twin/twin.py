@@ -20,11 +20,12 @@ from ..sensor import SensorArtifact
 from .answer import Answer
 from .discrepancy import Discrepancy, default_discrepancy
 from .forward import Forward, MembraneForward, forward_of
-from .groups import UNRESOLVED, alike, without_nuisances
+from .groups import UNRESOLVED, alike, untold, without_nuisances
 from .least_squares import MOST_DAMAGE, PRIOR_DEVIATION, descend
 from .mesh_error import MeshErrors
-from .nuisances import KNOTS, MODULUS, Loads, Nuisances, check_names
+from .nuisances import KNOTS, MODULUS, Loads, Nuisances, check_names, possible
 from .problem import RecordProblem
+from .reasons import likely_reason
 from .record import LEAST_SAMPLES, ResponseRecord, StaticRecord, Wiring, best_wiring, dead_sensors, other_wirings
 from .search import HOPELESS, ROUGH, Fit, box, chi2_bound, evidence, misfit, modulus_instead, probability, search
 from .simulation import SensedForward
@@ -143,26 +144,11 @@ class Twin:
         ParameterError
             The record holds resistance and the twin has no sensor, or the start has another shape.
         """
-        if record.kind == "resistance":
-            self._sensed.require_bank()
-        sensors = self.sensors
-        if len(record.values) != sensors:
-            msg = (
-                f"a record needs one row for each of {sensors} sensors, shape ({sensors}, n), not {record.values.shape}"
-            )
-            raise DataError(msg)
+        record, doubts = self._usable(record)
         given = None if start is None else np.clip(np.asarray(start, dtype=float), 0.0, MOST_DAMAGE)
         if given is not None and given.shape != (self.zones,):
             msg = f"a start has one damage for each of {self.zones} zones, not shape {given.shape}"
             raise ParameterError(msg)
-        dead = dead_sensors(record)
-        doubts = [f"sensor {k + 1} does not move and is left out" for k in dead]
-        doubts += [f"sensor {k + 1} has no values" for k in range(sensors) if k not in record.sensors]
-        record = record.without(dead)
-        if not record.sensors:
-            msg = "no sensor has values that move. Check the columns and the wiring."
-            raise DataError(msg)
-        self._check(record)
         stages = self._stages(record, report)
         static = isinstance(record, StaticRecord)
         one_valley = not static and stages[0].record.samples * record.step <= VALLEY * self._forward.period
@@ -190,7 +176,53 @@ class Twin:
             means = np.bincount(groups, fit.point.x[: self.zones]) / counts
             together, _ = search([whole], means, sparse=self.sparse)
             fit = together if together.passes else fit
+        if not fit.passes:
+            wider = self._problem(record, fit.problem.record.samples, report, wider=True)
+            doubts[:0] = [reason] if (reason := likely_reason(fit, wider)) else []
         return self._answer(fit, doubts, wiring, unresolved)
+
+    def untold(self, record: ResponseRecord) -> list[str]:
+        """Say which zones a record cannot tell, from derivatives about no damage, before anything is fitted.
+
+        Parameters
+        ----------
+        record : ResponseRecord
+            As of ``fit``; it costs a simulation for each zone.
+
+        Returns
+        -------
+        list of str
+            A sentence for each group of zones that act alike on its sensors, and for each zone that hardly moves them.
+
+        Raises
+        ------
+        DataError, ParameterError
+            As ``fit``.
+        """
+        record = self._usable(record)[0]
+        problem = self._problem(record, self._compared(record))
+        (point,) = problem.points(np.zeros((1, problem.size)))
+        free = np.ones(problem.size, dtype=bool)
+        A = problem.about(point, free, problem.derivatives(point, free)).A
+        return untold(without_nuisances(A, self.zones), self._forward.zones)
+
+    def _usable(self, record: ResponseRecord) -> tuple[ResponseRecord, list[str]]:
+        """Return a record without dead sensors, and what is missing in it."""
+        if record.kind == "resistance":
+            self._sensed.require_bank()
+        if len(record.values) != self.sensors:
+            shape = f"({self.sensors}, n), not {record.values.shape}"
+            msg = f"a record needs one row for each of {self.sensors} sensors, shape {shape}"
+            raise DataError(msg)
+        dead = dead_sensors(record)
+        doubts = [f"sensor {k + 1} does not move and is left out" for k in dead]
+        doubts += [f"sensor {k + 1} has no values" for k in range(self.sensors) if k not in record.sensors]
+        record = record.without(dead)
+        if not record.sensors:
+            msg = "no sensor has values that move. Check the columns and the wiring."
+            raise DataError(msg)
+        self._check(record)
+        return record, doubts
 
     def _check(self, record: ResponseRecord) -> None:
         """Refuse more unknowns than readings, and load states without an equilibrium."""
@@ -209,10 +241,10 @@ class Twin:
                 msg = f"the undamaged membrane has no equilibrium in load state {names}. Check its loads and supports."
                 raise DataError(msg)
 
-    def _nuisances(self, loads: Loads, length: float) -> Nuisances:
+    def _nuisances(self, kinds: tuple[str, ...], loads: Loads, length: float) -> Nuisances:
         model = self._forward
-        spacing = KNOTS * model.period if set(self.nuisances) & set(model.inputs) else math.inf
-        return Nuisances(self.nuisances, model.parameters, model.inputs, model.sensors, loads, length, spacing)
+        spacing = KNOTS * model.period if set(kinds) & set(model.inputs) else math.inf
+        return Nuisances(kinds, model.parameters, model.inputs, model.sensors, loads, length, spacing)
 
     def _stages(self, record: ResponseRecord, report: Callable[[float, int], None]) -> list[RecordProblem]:
         """Make the problems of longer and longer beginnings of a record."""
@@ -240,10 +272,14 @@ class Twin:
         samples: int,
         report: Callable[[float, int], None] = lambda *_: None,
         groups: NDArray[np.int64] | None = None,
+        *,
+        wider: bool = False,
     ) -> RecordProblem:
-        """Make the problem of the beginning of a record; its noise is that of all of it."""
-        compared = record.first(self._compared(record))
-        nuisances = self._nuisances(Loads(record.start, record.inputs), compared.step * compared.samples)
+        """Make the problem of the beginning of a record; its noise is that of all of it. Wider: with all nuisances."""
+        compared, loads = record.first(self._compared(record)), Loads(record.start, record.inputs)
+        more = possible(self._forward.parameters, loads) if wider else ()
+        kinds = tuple(dict.fromkeys((*self.nuisances, *more)))
+        nuisances = self._nuisances(kinds, loads, compared.step * compared.samples)
         return RecordProblem(
             self._sensed,
             record.first(samples),

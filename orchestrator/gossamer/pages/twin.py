@@ -7,17 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 from gossamer_files.charts import Chart, band, curve, heat, points, section
 from gossamer_files.tables import TableText
-from gossamer_models.arrays import Vector
+from gossamer_models.arrays import Matrix, Vector
 from gossamer_models.twin import Answer, StaticRecord
 from gossamer_orchestrator.pages import Page, on_page, table
 from gossamer_orchestrator.pages.page import Kind
-from gossamer_orchestrator.results.tables import zone_label
+from gossamer_orchestrator.results.dataset import zone_label
 from gossamer_orchestrator.words import uncertain
 
 NUISANCE_UNITS = {"phase": "rad", "pressure": "Pa"}  # of what is fitted beside damage; the others are ratios
 
 
-def twin_page(name: str, answer: Answer, compared: str) -> Page:
+def twin_page(name: str, answer: Answer, compared: str, *, show_invalid: bool = False) -> Page:
     """Describe what the twin says of a record, and how what its sensors read compares with it.
 
     Parameters
@@ -28,20 +28,26 @@ def twin_page(name: str, answer: Answer, compared: str) -> Page:
         What was fitted.
     compared : str
         A sentence if only the beginning of the record was compared.
+    show_invalid : bool
+        Whether the zones of an answer that is not valid are shown.
     """
+    shown = answer.valid or show_invalid
     labels = [zone_label(name) for name in answer.zones]
     parts = []
     for z in np.flatnonzero(answer.damage > 0.0).tolist():
         together = [z, *(k for k, name in enumerate(answer.zones) if name in answer.together_with[z])]
         if z == min(together):  # once for all that are answered together
             which = f"zone{'s' * (len(together) > 1)} {' and '.join(labels[k] for k in together)}"
-            parts.append(f"{which} by {100.0 * answer.damage[z]:.2f} ± {100.0 * answer.deviation[z]:.2f} %")
+            parts.append(f"{which} by {_damage_text(answer, z)} %")
     kind: Kind = "invalid" if not answer.valid else "damage" if parts else "healthy"
     record = answer.record
     static = isinstance(record, StaticRecord)
     when = f"in {record.states} load states" if static else f"in the first {record.step * record.samples:.3g} s"
     said = f"damaged {when}: {', '.join(parts)}" if parts else f"no zone is damaged {when}"
-    sentence = f"{said[0].upper()}{said[1:]}." if answer.valid else f"Not valid. What it says, not to be used: {said}."
+    sentence = f"{said[0].upper()}{said[1:]}."
+    if not answer.valid:
+        not_used = f" What it says, not to be used: {said}." if shown else " The damage of the zones is withheld."
+        sentence = f"Not valid.{not_used}"
     explained = "within" if answer.chi2_per_sample <= answer.chi2_bound else "ABOVE"
     more = [f"{doubt[0].upper()}{doubt[1:]}." for doubt in answer.doubts] + [compared] * bool(compared)
     more.append(
@@ -58,15 +64,24 @@ def twin_page(name: str, answer: Answer, compared: str) -> Page:
         kind=kind,
         sentence=sentence,
         more=more,
-        charts=[*section("Damage", _damage(answer)), *_histories(answer)],
-        facts=_facts(answer),
-        how="Bars of damage and the band of noise are one standard deviation wide to each side. What sensors read by the "
+        charts=[*(section("Damage", _damage(answer)) if shown else []), *_histories(answer)],
+        facts=_facts(answer, shown=shown),
+        how="Bars of damage and the band of noise are one standard deviation wide to each side. A zone whose "
+        "deviation is above 2 points has no value, but bounds that hold in 95 of 100 records. What sensors read by the "
         "answer is without the model error that the fit allows for.",
     )
 
 
-def zone_cells(answer: Answer) -> TableText:
-    """Return damage and probability of damage, a row for each zone."""
+def _damage_text(answer: Answer, zone: int) -> str:
+    """Return the damage of a zone [%] with its deviation, or the bounds of one that is not determined."""
+    low, high = 100.0 * answer.bounds[zone]
+    if answer.determined[zone]:
+        return f"{100.0 * answer.damage[zone]:.2f} ± {100.0 * answer.deviation[zone]:.2f}"
+    return f"{low:.0f} to {high:.0f}" if low > 0.0 else f"below {high:.0f}"
+
+
+def zone_cells(answer: Answer, *, shown: bool) -> TableText:
+    """Return damage and probability of damage, a row for each zone; withheld where they are not shown."""
     labels = dict(zip(answer.zones, map(zone_label, answer.zones), strict=True))
     remarks = [
         f"with {', '.join(labels[other] for other in others)}"
@@ -77,8 +92,8 @@ def zone_cells(answer: Answer) -> TableText:
     rows = [
         (
             label,
-            f"{100.0 * answer.damage[k]:.2f} ± {100.0 * answer.deviation[k]:.2f}",
-            f"{answer.probability[k]:.3f}",
+            _damage_text(answer, k) if shown else "withheld",
+            f"{answer.probability[k]:.3f}" if shown else "",
             *([remarks[k]] if any(remarks) else []),
         )
         for k, label in enumerate(labels.values())
@@ -95,20 +110,29 @@ def nuisance_cells(answer: Answer) -> list[tuple[str, str]]:
     ]
 
 
-def damage_chart(names: Sequence[str], damage: Vector, deviation: Vector) -> Chart:
-    """Draw the damage [1] of each zone with its standard deviation."""
-    zones = np.arange(1, len(names) + 1)
-    estimate = points("damage", zones, 100.0 * damage, "@0", 100.0 * deviation)
+def damage_chart(names: Sequence[str], damage: Vector, deviation: Vector, bounds: Matrix | None = None) -> Chart:
+    """Draw the damage [1] of each zone with its standard deviation; where it is none, its bounds, shape (zones, 2)."""
+    zones, bare = np.arange(1, len(names) + 1), np.isnan(damage)
+    traces = [points("damage", zones, 100.0 * damage, "@0", 100.0 * deviation)]
+    if bounds is not None and bare.any():
+        low, high = 100.0 * bounds[bare].T
+        traces.append(points("bounds, 95 %", zones[bare], (low + high) / 2.0, "@grey", (high - low) / 2.0, opacity=0.0))
     axis = {"tick0": 1, "dtick": 1, "tickangle": 0, "tickfont": {"size": 11}, "range": [0.4, len(zones) + 0.6]}
     labels = [zone_label(name) for name in names]
     if labels != [str(k) for k in zones]:
         axis |= {"tickmode": "array", "tickvals": zones.tolist(), "ticktext": labels, "tickangle": -45}
-    return Chart("Damage", "zone", "damage [%]", [estimate], layout={"xaxis": axis, "showlegend": False})
+    return Chart("Damage", "zone", "damage [%]", traces, layout={"xaxis": axis, "showlegend": len(traces) > 1})
+
+
+def answer_chart(answer: Answer) -> Chart:
+    """Draw the damage of each zone that is determined, and the bounds of the others."""
+    damage = np.where(answer.determined, answer.damage, np.nan)
+    return damage_chart(answer.zones, damage, answer.deviation, answer.bounds)
 
 
 def _damage(answer: Answer) -> list[Chart]:
-    zones, damage = np.arange(1, len(answer.damage) + 1), damage_chart(answer.zones, answer.damage, answer.deviation)
-    layout = {**damage.layout, "yaxis": {"range": [-0.03, 1.03]}}
+    zones, damage = np.arange(1, len(answer.damage) + 1), answer_chart(answer)
+    layout = {**damage.layout, "yaxis": {"range": [-0.03, 1.03]}, "showlegend": False}
     probability = points("P", zones, answer.probability, "@1")
     charts = [damage, Chart("Probability of damage", "zone", "P(damaged) [1]", [probability], layout=layout)]
     kept = np.flatnonzero(answer.damage > 0.0)
@@ -144,7 +168,7 @@ def _histories(answer: Answer) -> list[Chart]:
     return charts
 
 
-def _facts(answer: Answer) -> str:
+def _facts(answer: Answer, *, shown: bool) -> str:
     nuisances = nuisance_cells(answer)
     rows = [
         ("Values that were fitted", answer.samples),
@@ -153,4 +177,4 @@ def _facts(answer: Answer) -> str:
         ("Order of the sensors", ", ".join(map(str, answer.order))),
     ]
     beside = table(("quantity", "value"), nuisances, "What else was fitted") if nuisances else ""
-    return "\n".join((on_page(zone_cells(answer)), beside, table((), rows, "The fit")))
+    return "\n".join((on_page(zone_cells(answer, shown=shown)), beside, table((), rows, "The fit")))

@@ -23,7 +23,7 @@ from gossamer_files import replacing
 from gossamer_files.charts import Chart
 
 from ..errors import ResultsError, writing
-from .words import unbroken, written
+from .tables import unbroken, written
 
 PAGE = "report.html"
 ASSETS = Path(__file__).with_name("assets")

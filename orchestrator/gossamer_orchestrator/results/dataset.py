@@ -190,6 +190,20 @@ def _common(descriptions: Sequence[str]) -> str:
     return re.sub(r",? (at|in|of|along|that)( zone| sensor| x)?$", "", begin)
 
 
+def zone_label(name: str) -> str:
+    """Return what stands for a zone after the word "zone": its name, or the number of one that is just numbered."""
+    return name.removeprefix("zone_")
+
+
+def zone_labels(data: xr.Dataset, count: int) -> list[str]:
+    """Return what stands for each of some zones after the word "zone": names if a membrane was built from a setup."""
+    for fmu in json.loads(data.attrs.get("fmus", "{}")).values():
+        names = json.loads(fmu["setup"]).get("zone_names", ()) if "setup" in fmu else ()
+        if len(names) == count:
+            return [zone_label(name) for name in names]
+    return [str(k + 1) for k in range(count)]
+
+
 def _version(name: str) -> str:
     try:
         return version(name)
@@ -303,6 +317,6 @@ def origins_of(data: xr.Dataset) -> dict[str, str]:
     return {target: origin for origin, target, *_ in json.loads(data.attrs.get("connections", "[]"))}
 
 
-def parameters_of(data: xr.Dataset, component: str) -> dict[str, float]:
-    """Return the parameters of a component as they were recorded with the run."""
-    return dict(json.loads(data.attrs.get("fmus", "{}")).get(component, {}).get("parameters", {}))
+def parameters_of(data: xr.Dataset, component: str, what: str = "parameters") -> dict[str, float]:
+    """Return the parameters of a component, or its "start", as recorded; none in results such as a CSV file."""
+    return dict(json.loads(data.attrs.get("fmus", "{}")).get(component, {}).get(what, {}))

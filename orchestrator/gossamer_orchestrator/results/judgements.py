@@ -14,7 +14,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ..errors import ResultsError
-from .dataset import LIKENESS, WATCHED, find, find_all, is_whole, need
+from .dataset import LIKENESS, WATCHED, find, find_all, is_whole, need, zone_labels
 
 _ROWS = 20_000
 MOST_WINDOWS = 5000  # of a page
@@ -43,6 +43,8 @@ class Judgement:
         number if it was not recorded.
     valid : bool
         False if the detector marks its output as no judgement.
+    zones : tuple of str
+        Labels of the zones; empty for their numbers.
     """
 
     time: float
@@ -53,6 +55,11 @@ class Judgement:
     likeness_value: float
     risk: float = math.nan
     valid: bool = True
+    zones: tuple[str, ...] = ()
+
+    def label(self, zone: int) -> str:
+        """Return what stands for a zone, counted from 0, after the word "zone"."""
+        return self.zones[zone] if self.zones else str(zone + 1)
 
     @property
     def mean_absolute_error(self) -> float:
@@ -92,8 +99,10 @@ def windows(data: xr.Dataset) -> list[Judgement]:
             (f"{detector}.risk", time.shape),
         )
     )
+    labels = tuple(zone_labels(data, estimated.shape[-1]))
     return [
         Judgement(
+            zones=labels,
             time=float(time[k]),
             true=true[k],
             estimated=estimated[k],

@@ -10,6 +10,7 @@ from gossamer_files.tables import TableText
 from rich.table import Table
 
 from ..words import uncertain
+from .dataset import zone_label
 from .judgements import Judgement
 
 LEAST_SHOWN = 0.0005  # damage that is shown as 0.1 %; among zones with less, none is the most damaged
@@ -30,18 +31,13 @@ def onset_table(
     return TableText(("zone", "damage ± standard deviation [%]"), cells, since(onset, spread))
 
 
-def zone_label(name: str) -> str:
-    """Return what stands for a zone after the word "zone": its name, or the number of one that is just numbered."""
-    return name.removeprefix("zone_")
-
-
 def zone_table(judgement: Judgement) -> Table:
     """Tabulate true and estimated damage as the membrane is seen: zone 1 lower left, x to the right, y up."""
     side, certain = math.isqrt(judgement.true.size), bool(np.isfinite(judgement.deviation).all())
     known = bool(np.isfinite(judgement.true).all())
     errors = (
         f"mean absolute error {100 * judgement.mean_absolute_error:.2f} %\n"
-        f"largest error {100 * judgement.largest_error:+.2f} % in zone {judgement.worst_zone}\n"
+        f"largest error {100 * judgement.largest_error:+.2f} % in zone {judgement.label(judgement.worst_zone - 1)}\n"
     )
     what = f"{'true -> ' * known}estimated{' +- its standard deviation' * certain}"
     table = Table(
@@ -61,7 +57,8 @@ def zone_table(judgement: Judgement) -> Table:
             if certain:
                 numbers += f" +- {100 * judgement.deviation[zone]:.1f}"
             cells.append(
-                f"zone {zone + 1}\n" + (f"[bold]{numbers}[/bold]" if true > 0.0 or estimated >= 5.0 else numbers)
+                f"zone {judgement.label(zone)}\n"
+                + (f"[bold]{numbers}[/bold]" if true > 0.0 or estimated >= 5.0 else numbers)
             )
         table.add_row(*cells)
     return table
@@ -77,7 +74,11 @@ def window_table(ended: Sequence[Judgement], most: int | None = None) -> TableTe
         zone = int(np.argmax(judgement.estimated))
         found = judgement.estimated[zone] >= LEAST_SHOWN
         true = f"{100 * judgement.true[zone]:.0f}" if found else "-"
-        cells = [f"{judgement.time:.4f}", f"{zone + 1}" if found else "-", f"{100 * judgement.estimated[zone]:.1f}"]
+        cells = [
+            f"{judgement.time:.4f}",
+            judgement.label(zone) if found else "-",
+            f"{100 * judgement.estimated[zone]:.1f}",
+        ]
         cells += [true, f"{100 * judgement.mean_absolute_error:.2f}"] * known
         rows.append((*cells, f"{judgement.likeness_value:.2g}", "yes" if judgement.valid else "no"))
     some = f", the last {len(rows)} of {len(ended)}" if len(rows) < len(ended) else ""

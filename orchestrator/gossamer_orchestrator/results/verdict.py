@@ -15,7 +15,7 @@ from ..errors import ResultsError
 from ..names import split_endpoint
 from ..pages.page import Kind
 from ..words import counted, percent, uncertain
-from .dataset import find_all, origins_of, parameters_of
+from .dataset import find_all, origins_of, parameters_of, zone_label
 from .files import LARGE
 from .judgements import Judgement, doubts, recorded_detector
 from .readers import LEAST_RANGE, Reader, curve_of, readers_of
@@ -88,7 +88,7 @@ def make_verdict(data: xr.Dataset, ended: Sequence[Judgement], watched: dict[str
         sentence = f"No damage: {_judged(last)}{_undamaged(last, rest, certain)}."
         if alarmed:
             sentence += " But the digital twin raised an alarm."
-    more.insert(0, _truth(last.estimated, last.true))
+    more.insert(0, _truth(last.estimated, last.true, [last.label(zone) for zone in range(last.estimated.size)]))
     clear = ended[-1].valid and not (alarmed or sensing)  # else what came later is not known
     return Verdict("damage" if found else "healthy" if clear else "invalid", sentence, reasons + more)
 
@@ -107,12 +107,13 @@ def _by_twin(
     damage, deviation = np.array(finding["damage"]), np.array(finding["deviation"])
     zones = [int(z) for z in np.argsort(-damage, kind="stable") if damage[z] > 0.0]
     onset = uncertain(finding["onset"], finding["onset_deviation"], "s")
-    what = f"Damaged: {_listed(damage, deviation, zones, 2)}" if zones else "No damage after all"
+    labels = _labels(finding)
+    what = f"Damaged: {_listed(damage, deviation, zones, 2, labels)}" if zones else "No damage after all"
     sentence = (
         f"{what}, since t = {onset}, by the digital twin, which explains the record (± is one standard deviation)."
     )
     known = ended[-1].true if ended and ended[-1].true.shape == damage.shape else np.full(damage.shape, np.nan)
-    beside = [_truth(damage, known), *_beside_twin(finding, ended), *sensing, *more]
+    beside = [_truth(damage, known, labels), *_beside_twin(finding, ended), *sensing, *more]
     beside = (
         beside
         if ended
@@ -143,14 +144,15 @@ def _beside_twin(finding: Mapping[str, Any], ended: Sequence[Judgement]) -> list
         if begin < finding["onset"]
         else "it compares a single window with the simulated cases of its training, where the twin fits the record itself"
     )
-    most = f"{100.0 * apart[worst]:.1f} % in zone {worst + 1}"
+    most = f"{100.0 * apart[worst]:.1f} % in zone {judged.label(worst)}"
     return [f"The detector differs by up to {most}, for {why}: {_judged(judged)}."]
 
 
 def _judged(last: Judgement) -> str:
     """Say what a judgement found, and when."""
     found = found_zones(last)
-    listed = _listed(last.estimated, last.deviation, found, 1) + ", " if found else ""
+    labels = [last.label(zone) for zone in range(last.estimated.size)]
+    listed = _listed(last.estimated, last.deviation, found, 1, labels) + ", " if found else ""
     return f"{listed}judged at t = {last.time:.4f} s"
 
 
@@ -165,13 +167,19 @@ def _why_none(data: xr.Dataset) -> str:
     return f"until t = {float(data['time'][-1]):.6g} s no window ended."
 
 
-def _listed(damage: ArrayLike, deviation: ArrayLike, zones: Sequence[int], digits: int) -> str:
+def _labels(finding: Mapping[str, Any]) -> list[str]:
+    """Return what stands for the zones of a finding after the word "zone"."""
+    names = finding.get("zones") or [str(k + 1) for k in range(len(finding["damage"]))]
+    return [zone_label(name) for name in names]
+
+
+def _listed(damage: ArrayLike, deviation: ArrayLike, zones: Sequence[int], digits: int, labels: Sequence[str]) -> str:
     """Say what the first of some zones lost; the first of them says of what."""
     parts: list[str] = []
     for zone in zones[:MOST_NAMED]:
         value, error = 100 * np.asarray(damage)[zone], 100 * np.asarray(deviation)[zone]
         bar = f" ± {error:.{digits}f}" if np.isfinite(error) else ""
-        parts.append(f"zone {zone + 1} lost {value:.{digits}f}{bar} %{' of its stiffness' * (not parts)}")
+        parts.append(f"zone {labels[zone]} lost {value:.{digits}f}{bar} %{' of its stiffness' * (not parts)}")
     if more := len(zones[MOST_NAMED:]):
         parts.append(f"{counted(more, 'more zone')} {'is' if more == 1 else 'are'} damaged less")
     return " and ".join([", ".join(parts[:-1]), parts[-1]] if len(parts) > 1 else parts)
@@ -194,11 +202,11 @@ def _undamaged(judgement: Judgement, zones: list[int], certain: bool) -> str:
     return f"; {which} {undamaged} within ± {most:.1f} % (± is one standard deviation)"
 
 
-def _truth(estimated: Array, known: Array) -> str:
+def _truth(estimated: Array, known: Array, labels: Sequence[str]) -> str:
     if not np.isfinite(known).all():
         return "The true damage is not recorded."
     damaged = np.flatnonzero(known > 0.0)
-    true = ", ".join(f"{100 * known[z]:.3g} % in zone {z + 1}" for z in damaged[:MOST_NAMED])
+    true = ", ".join(f"{100 * known[z]:.3g} % in zone {labels[z]}" for z in damaged[:MOST_NAMED])
     if len(damaged) > MOST_NAMED:
         true += " and more"
     error = f"the mean absolute error over all zones is {100 * np.abs(estimated - known).mean():.2f} %"
@@ -228,7 +236,9 @@ def _dated(finding: Mapping[str, Any]) -> str:
     sentence = f"The digital twin dates the onset of damage to t = {onset}"
     damage = np.asarray(finding["damage"])
     zones = [int(z) for z in np.argsort(-damage, kind="stable") if damage[z] > 0.0]
-    return f"{sentence}: {_listed(damage, finding['deviation'], zones, 2)}." if zones else f"{sentence}."
+    return (
+        f"{sentence}: {_listed(damage, finding['deviation'], zones, 2, _labels(finding))}." if zones else f"{sentence}."
+    )
 
 
 def sensor_doubts(data: xr.Dataset) -> list[str]:

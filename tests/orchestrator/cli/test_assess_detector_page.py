@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from browsing import opened
-from gossamer.pages.assess_detector import assessment_page
+from gossamer.pages.assess_detector import MOST, assessment_page
 from gossamer_models.assessment import AssessmentResults, Verdicts, confusion, figures, fit_pod, reliability, share
 from gossamer_models.assessment.results import ConfusionRow, DetectionRow, Row, TableRow
+from gossamer_models.membrane import square_structure
 from gossamer_orchestrator.pages import write_page
 from reading_pages import read_page, values
 
@@ -160,3 +161,23 @@ def test_in_a_browser_all_names_find_place_and_the_numbers_stand_by_name(browser
     assert page.evaluate("document.documentElement.scrollWidth") <= 400
     page.close()
     assert troubles == []
+
+
+def test_what_is_found_where_is_drawn_on_the_membrane_in_space(browser, found, tmp_path):
+    """A zone with a bound has its colour, one without is at the end of the scale and is named."""
+    structure = square_structure()
+    page = assessment_page(found, structure)
+    (chart,) = [each for each in page.charts if each.script == "addSurface"]
+    surface = page.content["surface"]
+    by_zone = {row.zone: row for row in found.detections if row.judge == NEAR and row.zone}
+    (values,) = next(each["values"] for each in surface["colours"] if NEAR in each["name"])
+    for zone in range(1, 17):
+        bound = 100.0 * by_zone[zone].a90_95 if zone in by_zone else MOST
+        assert values[zone - 1] == pytest.approx(min(bound, MOST))
+    assert f"Not shown to be found by {NEAR}" in chart.note
+    troubles: list[str] = []
+    shown = opened(browser, write_page(page, tmp_path / "report.html").as_uri(), troubles)
+    drawn = shown.evaluate("page.figures[0].div.data[0]")
+    assert (drawn["type"], drawn["cmax"]) == ("mesh3d", MOST)
+    assert troubles == []
+    assert not [each for each in assessment_page(found).charts if each.script]

@@ -8,7 +8,7 @@ import math
 import gossamer
 import pytest
 from command_line import invoke
-from gossamer.detectors import _planned, is_scenario
+from gossamer.plans import is_scenario, planned
 from gossamer_models.detector import PosteriorArtifact
 from gossamer_orchestrator.errors import ScenarioError
 from gossamer_orchestrator.scenario.source import shipped_scenarios
@@ -74,13 +74,13 @@ def test_a_scenario_gives_its_membrane_and_windows(tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text(text.replace('fmu = "membrane"\n', 'fmu = "membrane"\nparameters = { pressure_amplitude = 8e3 }\n'))
     assert is_scenario(str(file))
-    campaign, *_ = _planned(file, None)
+    campaign, *_ = planned(file, None)
     assert campaign.membrane.parameters["pressure_amplitude"] == 8e3
     assert campaign.steps == 3 * 844 + 2
     other = tmp_path / "other.toml"
     other.write_text(text.replace('fmu = "membrane"\n', 'fmu = "elsewhere/plate"\n'))
     with pytest.raises(ScenarioError, match="Write a campaign file"):
-        _planned(other, None)
+        planned(other, None)
 
 
 def test_the_card_of_the_shipped_detector_states_ranges_and_errors():

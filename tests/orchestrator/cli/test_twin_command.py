@@ -121,12 +121,22 @@ def test_what_was_compared_of_a_longer_record_is_said():
 def test_an_answer_that_is_not_valid_is_written_and_its_page_says_so(call, tmp_path, strain):
     """The noise is estimated from the record."""
     noisy = strain[0] + np.random.default_rng(0).normal(0.0, 2e-3, strain[0].shape)
-    result = call(table(tmp_path / "r.csv", noisy), *MESH, "--set", "mass_damping=10")
+    given = (table(tmp_path / "r.csv", noisy), *MESH, "--set", "mass_damping=10")
+    result = call(*given)
     assert result.exit_code == 3, result.output
-    assert json.loads((tmp_path / "twin.json").read_text())["valid"] is False
-    page, _ = read_page(tmp_path / "twin/report.html")
-    assert page.inside["verdict"].startswith("Not valid. What it says, not to be used:")
+    written = json.loads((tmp_path / "twin.json").read_text())
+    assert (written["valid"], written["damage"]) == (False, None)
+    assert "withheld" in result.stderr
+    page, charts = read_page(tmp_path / "twin/report.html")
+    assert page.inside["verdict"] == "Not valid. The damage of the zones is withheld."
+    assert "Damage" not in charts
     assert "ABOVE its bound" in page.inside[None]
+    assert "Most likely the damping is" in page.inside[None]
+    assert call(*given, "--show-invalid").exit_code == 3
+    assert len(json.loads((tmp_path / "twin.json").read_text())["deviation"]) == 16
+    page, charts = read_page(tmp_path / "twin/report.html")
+    assert page.inside["verdict"].startswith("Not valid. What it says, not to be used:")
+    assert "Damage" in charts
 
 
 @pytest.mark.parametrize("kind", ["resistance", "strain"])

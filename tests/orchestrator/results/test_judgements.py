@@ -11,6 +11,7 @@ import pytest
 from gossamer.results import print_tables
 from gossamer_orchestrator import ResultsError, judge
 from gossamer_orchestrator.results.judgements import doubts, windows
+from gossamer_orchestrator.results.report.page import run_page
 from gossamer_orchestrator.results.tables import window_table, zone_table
 from gossamer_orchestrator.results.verdict import make_verdict, sensor_doubts
 from gossamer_orchestrator.words import percent, uncertain
@@ -208,3 +209,20 @@ def test_a_value_has_the_unit_and_the_digits_of_its_deviation():
     assert uncertain(0.767098, math.inf, "s") == "0.767098 ± unknown s"
     assert uncertain(2.0, 3e-12) == "2 ± 3e-12"
     assert uncertain(-0.0001, 0.02) == "0.00 ± 0.02"
+
+
+def test_zones_of_a_setup_stand_by_their_names(data, tmp_path):
+    """In the tables, the verdict and the picture; of a membrane without names by their numbers."""
+    assert windows(data)[-1].label(2) == "3"
+    names = [f"ring {1 + k // 4} sector {1 + k % 4}" for k in range(16)]
+    data.attrs["fmus"] = json.dumps({"membrane": {"setup": json.dumps({"zone_names": names})}})
+    ended = windows(data)
+    found = int(np.argmax(ended[-1].estimated))
+    assert window_table(ended).rows[-1][1] == names[found]
+    assert f"zone {names[found]} lost" in make_verdict(data, ended, None).sentence
+    assert f"largest error -10.00 % in zone {names[1]}" in " ".join(printed(zone_table(ended[-1])).split())
+    page = run_page(data, tmp_path)
+    assert f"<td>{names[found]}</td>" in page.facts
+    bars = next(chart for chart in page.charts if chart.title.startswith("Damage of each zone"))
+    assert bars.layout["xaxis"]["ticktext"] == names
+    assert page.content["surface"]["names"] == names

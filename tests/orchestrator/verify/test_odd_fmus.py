@@ -147,8 +147,10 @@ def test_a_child_that_returns_from_a_step_changes_no_verdict(odd):
     assert [findings[name].verdict for name in ("steps", "reset", "two instances")] == [PASSED] * 3
 
 
-def test_verify_leaves_no_process_when_it_is_interrupted(odd, tmp_path):
+def test_verify_leaves_no_process_when_it_is_interrupted(odd, tmp_path, request):
     pids = tmp_path / "pids"
+    usual = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's job in the background ignores it
+    request.addfinalizer(lambda: signal.signal(signal.SIGINT, usual))
 
     def interrupt():
         while not pids.exists():

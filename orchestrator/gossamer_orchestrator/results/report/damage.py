@@ -14,7 +14,7 @@ from gossamer_files.charts import Array, Chart, Stages, Trace, band, bars, curve
 from gossamer_files.plots import Panels
 
 from ...errors import ResultsError
-from ..dataset import find, find_all, need, parameters_of
+from ..dataset import find, find_all, need, parameters_of, zone_labels
 from ..judgements import (
     LARGEST_MISFIT,
     LARGEST_RISK,
@@ -53,6 +53,8 @@ class DamageHistory:
         When the true damage changed [s]; empty if it was not recorded.
     true : ndarray, shape (K, Z)
         True damage from then on [%].
+    labels : list of str
+        What stands for each zone after the word "zone": its name or its number.
     """
 
     def __init__(self, run: Recorded) -> None:
@@ -71,6 +73,7 @@ class DamageHistory:
         )
         self.deviation = 100.0 * np.array([window.deviation for window in ended]).reshape(self.estimated.shape)
         self.zones = self.estimated.shape[1]
+        self.labels = zone_labels(data, self.zones)
         self.top = max(50.0, *(float(each.max(initial=0.0)) for each in (self.estimated, self.true)))
 
     @cached_property
@@ -190,6 +193,8 @@ def _bars(judged: DamageHistory, steps: Stages) -> Chart:
     sure = " with two standard deviations" * judged.sure
     text = f"Bars: estimated damage of each zone{sure} to each side; diamonds: true damage." if judged.time.size else ""
     zones = {"range": [0.4, judged.zones + 0.6], "tick0": 1} | ({"dtick": 1} if judged.zones <= 40 else {})
+    if judged.labels[:1] != ["1"]:
+        zones |= {"tickvals": list(range(1, judged.zones + 1)), "ticktext": judged.labels, "tickangle": -45}
     layout = {"xaxis": zones, "yaxis": {"range": [-0.06 * judged.top, 1.15 * judged.top]}}
     title, square = f"{'Damage' if judged.time.size else 'True damage'} of each zone{sure}", bool(judged.side)
     return Chart(title, "zone", "damage [%]", text=text, layout=layout, steps=steps, tall=square, broad=not square)
@@ -207,7 +212,9 @@ def history_charts(judged: DamageHistory) -> list[Chart]:
     for i, z in enumerate(shown):
         if z in real:
             time, true = np.append(judged.true_time, end), np.append(judged.true[:, z], judged.true[-1, z])
-            traces.append(curve(f"zone {z + 1}, true", time, true, f"@{i}", shape="hv", width=1.6, dash="dash"))
+            traces.append(
+                curve(f"zone {judged.labels[z]}, true", time, true, f"@{i}", shape="hv", width=1.6, dash="dash")
+            )
     watch, unsure = judged.run.watch, not judged.valid.all()
     alarms, found = watch.get("alarms", []), watch.get("findings", [])
     if found:
@@ -258,10 +265,11 @@ def _judgements(judged: DamageHistory, shown: list[int]) -> list[Trace]:
                 for sign in (-1.0, 1.0)
             )
             traces += [
-                each | {"showlegend": False} for each in band(f"zone {z + 1} ± 2 deviations", x, low, high, f"@{i}")
+                each | {"showlegend": False}
+                for each in band(f"zone {judged.labels[z]} ± 2 deviations", x, low, high, f"@{i}")
             ]
         own = np.where(judged.valid, judged.estimated[:, z], np.nan)
-        traces.append(curve(f"zone {z + 1}", x, over_windows(own), f"@{i}", width=2))
+        traces.append(curve(f"zone {judged.labels[z]}", x, over_windows(own), f"@{i}", width=2))
     for valid, symbol, name in ((True, "circle", "judgement"), (False, "x", "not valid")):
         some = judged.valid == valid
         if 0 < some.sum() <= MOST_MARKERS:

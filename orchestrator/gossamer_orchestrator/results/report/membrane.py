@@ -16,7 +16,7 @@ from gossamer_files.plots import LONGEST_TITLE, Panels
 
 from ...errors import ResultsError
 from ...fmi.shape import Integers, Surface
-from ..dataset import find, is_whole, need, origins_of, parameters_of
+from ..dataset import find, is_whole, need, origins_of, parameters_of, zone_labels
 from ..places import side
 from ..shapes import SLACK, TAUT, FaceStrains, ShapeHistory, face_strains
 from .damage import DamageHistory
@@ -49,6 +49,7 @@ def membrane_charts(run: Recorded, judged: DamageHistory) -> tuple[list[Chart], 
         content = surface_content(history, run.instants[1]) | {
             "unit": "m" if run.history is not None else side(run.data)[1],
             "marked": any((each.mark != TAUT).any() for each in found),
+            "names": zone_labels(run.data, int(history.surface.zone.max(initial=-1)) + 1),
             "colours": _colours(run, judged, history, found, flat=flat),
         }
         charts.append(_in_space(judged, content, flat=flat))

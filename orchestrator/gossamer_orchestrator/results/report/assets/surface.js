@@ -65,7 +65,7 @@ function addSurface(chart) {
     }));
   };
   const sensors = (instant) => ({ ...points(mesh.sensors.map((node, k) => above(instant, node, 0.04, mesh.offsets[k]))), hovertext: mesh.sensors.map((_, k) => sensorText(k + 1, instant)) });
-  const zones = mesh.labels.map((node, zone) => ({ node, offset: mesh.label_offsets[zone], text: `${zone + 1}` })).filter(({ node }) => node >= 0);
+  const zones = mesh.labels.map((node, zone) => ({ node, offset: mesh.label_offsets[zone], text: `${zone + 1}`, name: `zone ${mesh.names[zone]}` })).filter(({ node }) => node >= 0);
   const skin = (instant) => {
     const colour = colourNamed(select.value), values = colour.values[rowOf(colour, instant)];
     const intensity = colour.of === "node" ? Array.from(values) : mesh.face.map((face) => (colour.of === "face" ? values[face] : values[mesh.zone[face]] || 0));
@@ -97,7 +97,7 @@ function addSurface(chart) {
         named(line(estimated, { color: "#D55E00", width: 7 }, "estimated damage"), "judged damaged"),
         named(line(real, { color: colors.dark ? "#ffffff" : "#000000", width: 4, dash: "dash" }, "true damage"), "truly damaged"),
         { ...numbered("circle", 7, "#CC79A7", "#000000"), ...dots, name: "sensors", hoverinfo: "text", text: mesh.sensors.map((_, k) => `${k + 1}`), showlegend: mesh.sensors.length > 0 },
-        { ...numbered("square", 6, colors.panel, colors.ink), ...numbers, hoverinfo: "skip", showlegend: false, text: zones.map(({ text }) => text) },
+        { ...numbered("square", 6, colors.panel, colors.ink), ...numbers, hoverinfo: "text", showlegend: false, text: zones.map(({ text }) => text), hovertext: zones.map(({ name }) => name) },
         { type: "scatter3d", mode: "markers", ...crosses, name: "wrinkled or slack", hoverinfo: "skip", showlegend: Boolean(mesh.marked), marker: { symbol: "x", size: 3, color: colors.ink } }];
       const one = (axis, name) => ({ ...placeIn3d(colors), title: { text: `${name} [${mesh.unit}]`, font: { size: 12 } }, range: range(axis), nticks: isNarrow() || range(axis)[1] - range(axis)[0] < 0.4 * size ? 3 : 5 });
       const [x, y, z] = [0, 1, 2].map((axis) => { const [low, high] = range(axis); return 1.5 * (high - low) / size; });
