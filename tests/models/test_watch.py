@@ -9,8 +9,10 @@ from gossamer_models.batch import Batch
 from gossamer_models.membrane import membrane_model, square_structure
 from gossamer_models.sensor import default_artifact, sensor_model
 from gossamer_models.twin import MembraneForward
+from gossamer_models.twin.evidence import Evidence
+from gossamer_models.twin.onset import JudgedWindow, OnsetProblem
 from gossamer_models.twin.simulation import SensedForward
-from gossamer_models.twin.watch import JudgedWindow, OnsetProblem, Watch
+from gossamer_models.twin.watch import Watch
 
 SQUARE = square_structure(4, 1)  # coarse, so that a window costs little; twin and truth have the same
 STEP, SAMPLES, WINDOWS = 3e-4, 167, 9
@@ -19,12 +21,13 @@ DAMAGES = [f"damage[{k}]" for k in range(1, 17)]
 
 
 @cache
-def strains(onset, zone, depth):
-    """Strain of the four sensors, damage beginning at an onset [s]."""
+def strains(onset, zone, depth, load=1.0):
+    """Strain of the four sensors, damage beginning at an onset [s], under so much of the load."""
     batch = Batch(membrane_model(SQUARE), [f"strain[{k}]" for k in range(1, 5)], [DAMAGES[zone - 1]])
     time = STEP * np.arange(1, SAMPLES * WINDOWS + 1)
     history = depth * np.clip((time - onset) / STEP, 0.0, 1.0)
-    return batch.run(time.size, STEP, inputs={DAMAGES[zone - 1]: history}).results[0]
+    start = {"pressure_amplitude": load * MembraneForward(SQUARE).parameters["pressure_amplitude"]}
+    return batch.run(time.size, STEP, start, {DAMAGES[zone - 1]: history}).results[0]
 
 
 def windows(watch, readings):
@@ -61,6 +64,35 @@ def test_a_known_damage_is_no_alarm():
     watch = Watch(NOISE, SQUARE, damage=0.3 * np.eye(16)[5])
     # the damage of the record sets in with the load, that of the watch before: only the prestress differs
     assert not any(window.alarm for window in windows(watch, noisy(found, 5)))
+
+
+@pytest.mark.parametrize("load", [0.97, 1.03])
+def test_a_load_that_is_not_as_known_raises_no_alarm_and_hides_no_damage(load):
+    judged = windows(Watch(NOISE, SQUARE), noisy(strains(0.2833, 7, 0.1, load), 8))
+    assert [window.time > 0.2833 for window in judged if window.alarm] == [True]
+    (finding,) = (window.finding for window in judged if window.finding)
+    assert finding.damage == pytest.approx(0.1 * np.eye(16)[6], abs=0.03)
+    assert [window.misfit for window in judged[:5]] == pytest.approx(np.ones(5), abs=0.2)
+
+
+def test_evidence_of_old_onsets_is_forgotten_exactly():
+    """What is left is the least squares of a load and the windows whose onsets are kept."""
+    random = np.random.default_rng(9)
+    J, r = random.standard_normal((3, 40, 1 + 3 * 2)), random.standard_normal((3, 40))
+    evidence = Evidence(1, 2, 1.0)
+    for k in range(3):
+        J[k, :, 1 + 2 * (k + 1) :] = 0.0  # no damage that begins later
+        evidence.add(r[k], J[k][:, np.r_[0, 1 + 2 * max(0, k - 1) : 3 + 2 * k]], min(k, 1))
+    J[0, :, 1:] = J[1, :, 1:3] = 0.0  # of onsets that are forgotten
+    both, one = np.vstack([*J])[:, [0, 3, 4, 5, 6]], np.vstack([*J])[:, [0]]
+
+    def explained(columns):
+        prior = np.diag([1.0, *np.zeros(columns.shape[1] - 1)])
+        g = columns.T @ r.ravel()
+        return g @ np.linalg.solve(columns.T @ columns + prior, g)
+
+    assert evidence.freedom == 4
+    assert evidence.score == pytest.approx((explained(both) - explained(one)) / 4)
 
 
 def test_readings_may_be_resistances():

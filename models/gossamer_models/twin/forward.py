@@ -103,9 +103,9 @@ class Forward(Protocol):
     def advance(
         self, state: BatchState, damage: Matrix, histories: Mapping[str, Matrix], h: float
     ) -> tuple[Matrix, BatchState]:
-        """Go on from one state with many histories of damage, shape (m, n, z) [1].
+        """Go on from the states of m cases with histories of damage, shape (m, n, z) [1].
 
-        Returns strain [1], shape (m, s, n), not a number where a case fails; and the state where the first case ends.
+        Returns strain [1], shape (m, s, n), not a number where a case fails; and the states where they end.
         """
         ...
 
@@ -204,11 +204,10 @@ class MembraneForward:
     def advance(
         self, state: BatchState, damage: Matrix, histories: Mapping[str, Matrix], h: float
     ) -> tuple[Matrix, BatchState]:
-        """Go on from one state with many histories of damage, see ``Forward``."""
-        m, n, _ = damage.shape
+        """Go on from the states of m cases with histories of damage, see ``Forward``."""
         inputs = {**histories, **dict(zip(self._damages, np.moveaxis(damage, 2, 0), strict=True))}
-        run = self._batch(tuple(inputs)).run(n, h, inputs=inputs, state=repeated(state, m), workers=WORKERS)
-        return run.results, first(run.state, 1)
+        run = self._batch(tuple(inputs)).run(damage.shape[1], h, inputs=inputs, state=state, workers=WORKERS)
+        return run.results, run.state
 
     def _batch(self, inputs: tuple[str, ...]) -> Batch:
         if inputs not in self._batches:
@@ -248,13 +247,3 @@ def forward_of(structure: Structure | Forward | None, parameters: Mapping[str, f
         msg = "a forward model has its own parameters. Make it with them."
         raise ParameterError(msg)
     return structure
-
-
-def first(state: BatchState, cases: int) -> BatchState:
-    """Return the first cases of a state."""
-    return replace(state, x=state.x[:cases], values=state.values[:cases])
-
-
-def repeated(state: BatchState, times: int) -> BatchState:
-    """Return the cases of a state again and again."""
-    return replace(state, x=np.tile(state.x, (times, 1)), values=np.tile(state.values, (times, 1)))

@@ -5,18 +5,18 @@ Symbols: ``s`` sensors, ``z`` zones, ``m`` cases, ``n`` samples, ``h`` step [s].
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Matrix, Vector
 from ..batch import Batch
 from ..batch.cases import BatchState
 from ..errors import ParameterError
 from ..sensor import SensorArtifact, sensor_model
-from .forward import Forward, first, repeated
+from .forward import Forward
 
 
 class SensorBank:
@@ -79,7 +79,7 @@ class SensorBank:
         h : float
             Step [s].
         state : BatchState, optional
-            Of the sensors, where every case begins; by default they have rested.
+            Of all sensors of all cases, where they begin; by default they have rested.
 
         Returns
         -------
@@ -92,7 +92,7 @@ class SensorBank:
         failed = np.asarray(~np.isfinite(strain).all(axis=(1, 2)))
         signal = np.where(failed[:, None, None], self.parameters["rest_strain"][:, None], strain).reshape(-1, n)
         start = {name: np.tile(value, m) for name, value in self.parameters.items()} if state is None else {}
-        run = self._batch.run(n, h, start, {"strain": signal}, state=None if state is None else repeated(state, m))
+        run = self._batch.run(n, h, start, {"strain": signal}, state=state)
         resistance = run.results.reshape(m, count, n)
         resistance[failed] = np.nan
         return resistance, run.state
@@ -100,18 +100,48 @@ class SensorBank:
 
 @dataclass(frozen=True)
 class Place:
-    """Where a simulation stands.
+    """Where the simulations of m cases stand.
 
     Attributes
     ----------
     membrane : BatchState
-        One case.
+        Of the m cases.
     sensors : BatchState or None
-        A case for each of the s sensors; None where strain is read.
+        Of the m s sensors, case by case; None where strain is read.
     """
 
     membrane: BatchState
     sensors: BatchState | None
+
+    def take(self, cases: NDArray[np.int64]) -> Place:
+        """Return where some cases stand, from 0; a case may be taken many times."""
+
+        def rows(state: BatchState) -> BatchState:
+            each = np.arange(len(state.x)).reshape(len(self.membrane.x), -1)[cases].ravel()
+            return replace(state, x=state.x[each], values=state.values[each])
+
+        return Place(rows(self.membrane), None if self.sensors is None else rows(self.sensors))
+
+    def moved(self, first: Place) -> Place:
+        """Return all cases moved by the same, so that the first case stands at a place."""
+
+        def shifted(state: BatchState, to: BatchState) -> BatchState:
+            x = state.x.reshape(-1, *to.x.shape)
+            return replace(state, x=(x + (to.x - x[0])).reshape(state.x.shape))
+
+        sensors = None if self.sensors is None or first.sensors is None else shifted(self.sensors, first.sensors)
+        return Place(shifted(self.membrane, first.membrane), sensors)
+
+    @staticmethod
+    def joined(places: Sequence[Place]) -> Place:
+        """Return the cases of some places as those of one."""
+
+        def together(states: Sequence[BatchState]) -> BatchState:
+            x, values = (np.concatenate([getattr(state, name) for state in states]) for name in ("x", "values"))
+            return replace(states[0], x=x, values=values)
+
+        sensors = [place.sensors for place in places if place.sensors is not None]
+        return Place(together([place.membrane for place in places]), together(sensors) if sensors else None)
 
 
 class SensedForward:
@@ -176,12 +206,12 @@ class SensedForward:
         return Place(membrane, None if self.bank is None else self.bank.rest(strain, h))
 
     def advance(self, place: Place, damage: Matrix, histories: Mapping[str, Matrix], h: float) -> tuple[Matrix, Place]:
-        """Go on from a place with many histories of damage.
+        """Go on from the places of some cases with histories of damage.
 
         Parameters
         ----------
         place : Place
-            Where all cases begin.
+            Where the m cases begin.
         damage : ndarray, shape (m, n, z)
             Damage [1] at the end of every step.
         histories : mapping of str to ndarray of shape (n,)
@@ -194,10 +224,10 @@ class SensedForward:
         ndarray, shape (m, s, n)
             Strain [1] or resistance [ohm]; not a number where a case fails.
         Place
-            Where the first case ends.
+            Where they end.
         """
         strain, membrane = self.forward.advance(place.membrane, damage, histories, h)
         if self.bank is None:
             return strain, Place(membrane, None)
-        resistance, state = self.bank.read(strain, h, place.sensors)
-        return resistance, Place(membrane, first(state, self.forward.sensors))
+        resistance, sensors = self.bank.read(strain, h, place.sensors)
+        return resistance, Place(membrane, sensors)

@@ -1,139 +1,37 @@
 r"""Watch a running structure: an alarm soon after damage begins, then when it began and where.
 
 Symbols: ``s`` sensors, ``z`` zones; ``y`` readings of a window; ``r`` residuals in units of the noise, the mean of each
-sensor removed; ``J`` their derivatives by the damages; ``A`` = J^T J, ``g`` = J^T r; ``T`` score statistic; ``x`` onset
-[steps] and z damages [1] that are fitted after an alarm; ``h`` step [s].
+sensor removed; ``x`` onset [steps] and z damages [1] that are fitted after an alarm; ``h`` step [s].
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import chi2 as chi2_distribution
 
-from ..arrays import Matrix, Rows, Vector
+from ..arrays import Rows, Vector
 from ..errors import ConvergenceError, DataError, ParameterError
 from ..membrane import Structure
 from ..sensor import SensorArtifact
+from .evidence import Evidence
 from .forward import WORKERS, Forward, forward_of
-from .least_squares import DAMAGE_STEP, MOST_DAMAGE, LeastSquares, Minimum, Quadratic, bounded_minimum, descend
+from .least_squares import MOST_DAMAGE, Minimum, Quadratic, descend
+from .onset import JudgedWindow, OnsetProblem, weigh
 from .search import Box, drop_zones
 from .simulation import Place, SensedForward
 
-ONSETS = 16  # onsets tried
-SHARES = (0.4, 0.7, 1.0)  # of a step of Newton's method
-BEST = 3  # onsets that are refined
+MEMORY = 3  # windows that are judged together
+BEGINNINGS = 2  # onsets in each window that the neighbours have
+NEIGHBOUR = 0.1  # damage of a neighbour
+LOAD, LOAD_DEVIATION, LOAD_STEP = "pressure_amplitude", 0.1, 0.01  # the load that is built in; a factor, and its step
+PRECISE = 1e-3  # of a factor
 SHIFTS = (-14.0, -7.0, 7.0, 14.0)  # of the best onset [steps]
 ROUNDS = 4
-
-
-@dataclass(frozen=True)
-class JudgedWindow:
-    """A window that has been judged.
-
-    Attributes
-    ----------
-    time : float
-        When it began [s].
-    place : Place
-        Where the simulation stood then.
-    y : ndarray, shape (s, n)
-        Readings; not a number where one is missing.
-    expected : ndarray, shape (s, n)
-        Readings of the twin without new damage.
-    loads : mapping of str to ndarray of shape (n,)
-        Inputs at the readings.
-    """
-
-    time: float
-    place: Place
-    y: Matrix
-    expected: Matrix
-    loads: Mapping[str, Vector] = field(default_factory=dict)
-
-
-class OnsetProblem(LeastSquares):
-    """Least squares for damages that begin within some windows.
-
-    Unknowns: the onset [steps] and the z damages since then [1].
-
-    Parameters
-    ----------
-    sensed : SensedForward
-        Simulation.
-    windows : sequence of JudgedWindow
-        Windows one after the other.
-    sigma : ndarray, shape (s,)
-        Noise.
-    before : ndarray, shape (z,)
-        Damage until the onset [1].
-    h : float
-        Step [s].
-    """
-
-    def __init__(
-        self, sensed: SensedForward, windows: Sequence[JudgedWindow], sigma: Vector, before: Vector, h: float
-    ) -> None:
-        self._sensed, self._windows, self._sigma, self._before, self._h = sensed, windows, sigma, before, h
-        y = np.concatenate([seen.y for seen in windows], axis=1)
-        self._starts = np.cumsum([0, *(seen.y.shape[1] for seen in windows[:-1])])
-        self._present, self._length = np.isfinite(y), y.shape[1]
-        self.y = weigh(y[None], self._present, sigma)[0]
-        self.low, self.simulated = np.zeros(1 + before.size), 1 + before.size
-        self.high = np.r_[y.shape[1] - 1.0, np.full(before.size, MOST_DAMAGE)]
-        self.values = int(self._present.sum()) - len(y)
-        self.prior = np.r_[float(self._length) ** -2, np.ones(before.size)]  # weak: any time, any damage
-        self.steps = np.r_[1.0, np.full(before.size, DAMAGE_STEP)]
-
-    def simulate(self, x: Matrix) -> tuple[Matrix, Place]:
-        """Return readings for rows of unknowns, shape (m, s, n), and the place where the first row ends.
-
-        Windows that end before any onset are not simulated again.
-        """
-        first = int(np.searchsorted(self._starts, x[:, 0].min(), side="right")) - 1
-        steps = np.arange(self._starts[first] + 1, self._length + 1)
-        share = np.clip(steps - x[:, :1], 0.0, 1.0)  # a step in which damage begins has a part of it
-        damage = self._before + share[:, :, None] * (x[:, None, 1:] - self._before)
-        later = [seen.loads for seen in self._windows[first:]]
-        loads = {name: np.concatenate([each[name] for each in later]) for name in later[0]}
-        readings, place = self._sensed.advance(self._windows[first].place, damage, loads, self._h)
-        expected = [np.repeat(seen.expected[None], len(x), axis=0) for seen in self._windows[:first]]
-        return np.concatenate([*expected, readings], axis=2), place
-
-    def predict(self, x: Matrix) -> Matrix:
-        """Simulate rows of unknowns, shape (m, 1 + z)."""
-        return self.simulate(x)[0]
-
-    def weigh(self, predicted: Matrix, x: Matrix) -> Matrix:  # noqa: ARG002
-        """Weigh readings, shape (m, s n)."""
-        return weigh(predicted, self._present, self._sigma)
-
-    def first_guesses(self, steps: int) -> list[Vector]:
-        """Return some onsets within the first steps, each with damages by one step of Newton's method, best first."""
-        zones = np.arange(self.low.size) > 0
-        onsets = np.linspace(0.0, steps, ONSETS, endpoint=False)
-        guesses = np.column_stack([onsets, np.repeat(self._before[None], ONSETS, axis=0)])
-        for share in (SHARES, (1.0,)):
-            trials = []
-            for point in self.points(guesses):
-                model = self.about(point, zones, self.derivatives(point, zones))
-                d = bounded_minimum(model.A, model.g, -point.x[1:], self.high[1:] - point.x[1:])
-                moves = [np.r_[0.0, part * d] for part in share]
-                trials += [np.clip(point.x + move, self.low, self.high) for move in moves]
-            points = sorted(self.points(np.array(trials)), key=lambda point: point.chi2)
-            guesses = np.array([point.x for point in points[:BEST]])
-        return list(guesses)
-
-
-def weigh(rows: Matrix, present: Rows, sigma: Vector) -> Matrix:
-    """Remove the mean of each sensor from rows, shape (m, s, n), and divide by the noise, shape (m, s n)."""
-    count = np.maximum(present.sum(axis=1), 1)
-    mean = np.where(present, rows, 0.0).sum(axis=2) / count
-    return np.asarray((np.where(present, rows - mean[:, :, None], 0.0) / sigma[:, None]).reshape(len(rows), -1))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -219,17 +117,14 @@ class Watch:
 
     Notes
     -----
-    The twin simulates each window from the state it has reached, and a neighbour with a little damage in one zone for each,
-    all in lanes. Rao's score statistic :math:`T = g^T A^{-1} g` [1]_ has a chi2 distribution with a degree of freedom
-    for each zone while nothing changes; a constant offset of a sensor does not count. Where the model is not exact, T is
-    larger: it is divided by a scale, T/z of the first window, at least 1, that goes half way to every larger one. Only a
-    sudden rise gives an alarm, and the first window never does. One window after an alarm, onset and damages are fitted to
-    the windows before, at and after it; zones are dropped as in ``Twin``. The watch then goes on from the damages found.
-
-    References
-    ----------
-    .. [1] C. R. Rao, Mathematical Proceedings of the Cambridge Philosophical Society 44(1), 50-57, 1948,
-       doi:10.1017/S0305004100023987.
+    Neighbours of the twin are simulated beside it in lanes, from window to window: one with a little more of each load, and
+    one with damage in one zone for each of six onsets, two in each of the last three windows. A stiff film rings for many
+    periods after damage, and what it adds to a later window depends on when it began. ``Evidence`` sums what they explain of
+    the readings over these windows; a constant offset of a sensor does not count. Where the model is not exact, the score is
+    larger: it is divided by its mean over earlier windows, less the last three, at least 1, so that damage is seen before it
+    counts as usual. The first window never gives an alarm; it corrects the loads until their factors are within 0.1 %. One
+    window after an alarm, onset and damages are fitted to the windows since three before it; zones are dropped as in
+    ``Twin``. The watch then goes on from the damages found.
     """
 
     def __init__(
@@ -255,11 +150,14 @@ class Watch:
             msg = f"need 0 < false_alarms < 1 and a positive step [s], not {false_alarms:g} and {step:g}"
             raise ParameterError(msg)
         self._damage, self._h = np.broadcast_to(np.asarray(damage, dtype=float), (zones,)).copy(), step
-        self._place, self._time = self._sensed.begin(self._damage, {}, step), 0.0
-        self._threshold = float(chi2_distribution.isf(false_alarms, zones)) / zones
-        self._scale = 0.0  # nothing seen yet
+        self._time, self._false_alarms = 0.0, false_alarms
+        self._place: Place | None = None  # of the twin, then its neighbours with other loads, then those with damage
+        self._factors: dict[str, float] = {}  # of the loads
+        self._rounds = 0  # how often they were corrected
+        self._onsets: list[float] = []  # of the neighbours with damage [s]
+        self._scores: list[float] = []  # of earlier windows
         self._before: list[JudgedWindow] = []
-        self._alarmed = False
+        self._suspected: float | None = None  # the likeliest onset of an alarm [s]
 
     def advance(self, readings: ArrayLike, loads: Mapping[str, Vector] | None = None) -> Window:
         """Judge the next window of readings.
@@ -291,43 +189,80 @@ class Watch:
                 f"{y.shape}"
             )
             raise DataError(msg)
-        n = y.shape[1]
-        damages = np.repeat(self._damage[None], 1 + zones, axis=0)
-        signs = np.where(self._damage + DAMAGE_STEP > MOST_DAMAGE, -1.0, 1.0)
-        damages[1:] += DAMAGE_STEP * np.diag(signs)
-        loads = loads or {}
-        found, place = self._sensed.advance(self._place, np.repeat(damages[:, None], n, axis=1), loads, self._h)
+        known, n = loads or {}, y.shape[1]
+        place = self._place or self._begin(known)
+        loads = {name: self._factors[name] * load for name, load in known.items()}
+        kept = self._onsets[-(MEMORY - 1) * BEGINNINGS :]
+        begins = np.arange(BEGINNINGS) * n // BEGINNINGS  # of new neighbours [steps]
+        self._onsets = [*kept, *(self._time + self._h * begins)]
+        common, cases = 1 + len(self._loads), 1 + len(self._loads) + zones * len(self._onsets)
+        count = len(place.membrane.x)
+        stay = np.r_[:common, count - zones * len(kept) : count]
+        place = place.take(np.pad(stay, (0, cases - stay.size)))  # new neighbours begin where the twin stands
+
+        signs = np.where(self._damage + NEIGHBOUR > MOST_DAMAGE, -NEIGHBOUR, NEIGHBOUR)
+        steps = np.r_[np.full(len(self._loads), LOAD_STEP), np.tile(signs, len(self._onsets))]
+        since = np.repeat(np.r_[np.zeros(len(kept)), begins], zones)
+        damage = np.broadcast_to(self._damage, (cases, n, zones)).copy()
+        which = np.tile(np.diag(signs), (len(self._onsets), 1))
+        damage[common:] += np.where(np.arange(n) >= since[:, None], 1.0, 0.0)[:, :, None] * which[:, None]
+        histories = {name: np.repeat(load[None], cases, axis=0) for name, load in loads.items()}
+        for case, name in enumerate(self._loads, start=1):
+            if name in histories:
+                histories[name][case] *= 1.0 + LOAD_STEP
+        found, after = self._sensed.advance(place, damage, histories, self._h)
         if not np.isfinite(found).all():
             msg = f"the twin's membrane failed after t = {self._time:.6g} s. Check its load, damage and parameters."
             raise ConvergenceError(msg)
-        rows = weigh(np.concatenate([(y - found[0])[None], found[1:] - found[0]]), np.isfinite(y), self._sigma)
-        r, J = rows[0], rows[1:].T / (DAMAGE_STEP * signs)
-        g = J.T @ r
-        T = float(g @ np.linalg.pinv(J.T @ J, hermitian=True) @ g) / zones
-        values = int(np.isfinite(y).sum()) - sensors
-        first = self._scale == 0.0
-        statistic = T / max(self._scale, 1.0)
-        alarm = not first and not self._alarmed and statistic > self._threshold
-        kept = self._before if self._alarmed else self._before[-1:]
-        self._before = [*kept, JudgedWindow(self._time, self._place, y, found[0], loads)]
+
+        present, slopes = np.isfinite(y), (found[1:] - found[0]) / steps[:, None, None]
+        rows = weigh(np.concatenate([(y - found[0])[None], slopes]), present, self._sigma)
+        self._evidence.add(rows[0], rows[1:].T, len(kept))
+        factors, freedom = self._evidence.factors, self._evidence.freedom
+        if self._place is None and np.abs(factors).max(initial=0.0) > PRECISE and self._rounds < ROUNDS:
+            self._rounds += 1
+            for name, move in zip(self._loads, factors, strict=True):
+                self._factors[name] *= 1.0 + float(np.clip(move, -LOAD_DEVIATION, LOAD_DEVIATION))
+            self._onsets = []
+            return self.advance(readings, known)  # the first window again, with better loads
+        threshold = float(chi2_distribution.isf(self._false_alarms, freedom)) / freedom
+        before = self._scores[: max(1, len(self._scores) - MEMORY)]
+        statistic = self._evidence.score / max(1.0, float(np.mean(before))) if before else 0.0
+        alarm = self._suspected is None and statistic > threshold
+        if not alarm and self._suspected is None:
+            self._trusted = factors  # damage would bend them
+        y = y - np.tensordot(self._trusted, slopes[: factors.size], axes=1)  # as if the loads were the twin's
+        misfit = float(np.sum(weigh((y - found[0])[None], present, self._sigma) ** 2)) / (present.sum() - sensors)
+        windows = self._before[-MEMORY:] if self._suspected is None else self._before
+        self._before = [*windows, JudgedWindow(self._time, place.take(np.zeros(1, dtype=int)), y, found[0], loads)]
         self._time += n * self._h
-        finding = None
-        if self._alarmed:
-            finding = self._find()
-            self._alarmed, self._before = False, []
+        self._place, finding = after, None
+        if self._suspected is not None:
+            finding = self._find(self._suspected)
+        elif alarm:
+            self._suspected = self._onsets[self._evidence.likeliest()]
         else:
-            self._place, self._alarmed = place, alarm
-            if not alarm:
-                self._scale = max(self._scale, T, 1.0) if first else max(self._scale, (self._scale + T) / 2.0)
-        misfit = float(r @ r) / values
+            self._scores.append(self._evidence.score)
         return Window(time=self._time, statistic=statistic, alarm=alarm, misfit=misfit, finding=finding)
 
-    def _find(self) -> DamageOnset:
+    def _begin(self, loads: Mapping[str, Vector]) -> Place:
+        """Return where the twin rests, and its neighbours with a little more of each load."""
+        forward = self._sensed.forward
+        known = {**forward.parameters, **forward.inputs}
+        self._loads = [*([LOAD] if known.get(LOAD) else []), *loads]
+        self._factors = self._factors or dict.fromkeys(self._loads, 1.0)
+        self._evidence = Evidence(len(self._loads), len(self.zones), LOAD_DEVIATION)
+        begin = {name: factor * known[name] for name, factor in self._factors.items()}
+        more = [begin, *({**begin, name: (1.0 + LOAD_STEP) * begin[name]} for name in self._loads)]
+        return Place.joined([self._sensed.begin(self._damage, each, self._h) for each in more])
+
+    def _find(self, suspected: float) -> DamageOnset:
         """Fit onset and damages to the windows since the one before the alarm, and go on from there."""
         problem = OnsetProblem(self._sensed, self._before, self._sigma, self._damage, self._h)
         whole = np.ones(problem.low.size, dtype=bool)
-        possible = sum(seen.y.shape[1] for seen in self._before[:-1])
-        found = _deepest(problem, problem.first_guesses(possible), whole)
+        near = (suspected - self._before[0].time) / self._h
+        n = self._before[-1].y.shape[1]
+        found = _deepest(problem, problem.first_guesses(max(0.0, near - n), near + n), whole)
         for _ in range(ROUNDS):  # chi2 has a valley for each period of the stiffer waves
             beside = [found.point.x + shift * np.eye(whole.size)[0] for shift in SHIFTS]
             better = _deepest(problem, beside, whole, most=4)
@@ -340,11 +275,15 @@ class Watch:
         found = descend(problem, np.clip(found.model.at + move, problem.low, problem.high), stays)
         deviation = np.zeros(whole.size)
         deviation[stays] = np.sqrt(np.diag(np.linalg.pinv(found.model.A, hermitian=True)))
-        self._place = problem.simulate(found.point.x[None])[1]
+        assert self._place is not None  # since windows were judged
+        self._place = self._place.take(np.arange(1 + len(self._loads))).moved(problem.simulate(found.point.x[None])[1])
         self._damage = found.point.x[1:].copy()
+        onset = self._before[0].time + self._h * float(found.point.x[0])
+        self._suspected, self._before, self._onsets = None, [], []
+        self._evidence.forget(self._trusted)
         return DamageOnset(
             zones=self.zones,
-            onset=self._before[0].time + self._h * float(found.point.x[0]),
+            onset=onset,
             onset_deviation=self._h * float(deviation[0]),
             damage=self._damage.copy(),
             deviation=deviation[1:],

@@ -1,0 +1,125 @@
+r"""Least squares for the onset of damage: some windows, simulated again from where the first of them began.
+
+Symbols: ``s`` sensors, ``z`` zones; ``y`` readings; ``x`` onset [steps] and z damages [1]; ``h`` step [s].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..arrays import Matrix, Rows, Vector
+from .least_squares import DAMAGE_STEP, MOST_DAMAGE, LeastSquares, bounded_minimum
+from .simulation import Place, SensedForward
+
+ONSETS = 16  # onsets tried
+SHARES = (0.4, 0.7, 1.0)  # of a step of Newton's method
+BEST = 3  # onsets that are refined
+
+
+@dataclass(frozen=True)
+class JudgedWindow:
+    """A window that has been judged.
+
+    Attributes
+    ----------
+    time : float
+        When it began [s].
+    place : Place
+        Where the simulation stood then.
+    y : ndarray, shape (s, n)
+        Readings, less what loads add that are not as they are known; not a number where one is missing.
+    expected : ndarray, shape (s, n)
+        Readings of the twin without new damage.
+    loads : mapping of str to ndarray of shape (n,)
+        Inputs at the readings.
+    """
+
+    time: float
+    place: Place
+    y: Matrix
+    expected: Matrix
+    loads: Mapping[str, Vector] = field(default_factory=dict)
+
+
+class OnsetProblem(LeastSquares):
+    """Least squares for damages that begin within some windows.
+
+    Unknowns: the onset [steps] and the z damages since then [1].
+
+    Parameters
+    ----------
+    sensed : SensedForward
+        Simulation.
+    windows : sequence of JudgedWindow
+        Windows one after the other.
+    sigma : ndarray, shape (s,)
+        Noise.
+    before : ndarray, shape (z,)
+        Damage until the onset [1].
+    h : float
+        Step [s].
+    """
+
+    def __init__(
+        self, sensed: SensedForward, windows: Sequence[JudgedWindow], sigma: Vector, before: Vector, h: float
+    ) -> None:
+        self._sensed, self._windows, self._sigma, self._before, self._h = sensed, windows, sigma, before, h
+        y = np.concatenate([seen.y for seen in windows], axis=1)
+        self._starts = np.cumsum([0, *(seen.y.shape[1] for seen in windows[:-1])])
+        self._present, self._length = np.isfinite(y), y.shape[1]
+        self.y = weigh(y[None], self._present, sigma)[0]
+        self.low, self.simulated = np.zeros(1 + before.size), 1 + before.size
+        self.high = np.r_[y.shape[1] - 1.0, np.full(before.size, MOST_DAMAGE)]
+        self.values = int(self._present.sum()) - len(y)
+        self.prior = np.r_[float(self._length) ** -2, np.ones(before.size)]  # weak: any time, any damage
+        self.steps = np.r_[1.0, np.full(before.size, DAMAGE_STEP)]
+
+    def simulate(self, x: Matrix) -> tuple[Matrix, Place]:
+        """Return readings for rows of unknowns, shape (m, s, n), and the places where they end.
+
+        Windows that end before any onset are not simulated again.
+        """
+        first = int(np.searchsorted(self._starts, x[:, 0].min(), side="right")) - 1
+        steps = np.arange(self._starts[first] + 1, self._length + 1)
+        share = np.clip(steps - x[:, :1], 0.0, 1.0)  # a step in which damage begins has a part of it
+        damage = self._before + share[:, :, None] * (x[:, None, 1:] - self._before)
+        later = [seen.loads for seen in self._windows[first:]]
+        loads = {name: np.concatenate([each[name] for each in later]) for name in later[0]}
+        begin = self._windows[first].place.take(np.zeros(len(x), dtype=int))
+        readings, place = self._sensed.advance(begin, damage, loads, self._h)
+        expected = [np.repeat(seen.expected[None], len(x), axis=0) for seen in self._windows[:first]]
+        return np.concatenate([*expected, readings], axis=2), place
+
+    def predict(self, x: Matrix) -> Matrix:
+        """Simulate rows of unknowns, shape (m, 1 + z)."""
+        return self.simulate(x)[0]
+
+    def weigh(self, predicted: Matrix, x: Matrix) -> Matrix:  # noqa: ARG002
+        """Weigh readings, shape (m, s n)."""
+        return weigh(predicted, self._present, self._sigma)
+
+    def first_guesses(self, earliest: float, latest: float) -> list[Vector]:
+        """Return some onsets between two [steps], each with damages by one step of Newton's method, best first."""
+        zones = np.arange(self.low.size) > 0
+        onsets = np.linspace(earliest, latest, ONSETS, endpoint=False)
+        guesses = np.column_stack([onsets, np.repeat(self._before[None], ONSETS, axis=0)])
+        for share in (SHARES, (1.0,)):
+            trials = []
+            for point in self.points(guesses):
+                model = self.about(point, zones, self.derivatives(point, zones))
+                d = bounded_minimum(model.A, model.g, -point.x[1:], self.high[1:] - point.x[1:])
+                moves = [np.r_[0.0, part * d] for part in share]
+                trials += [np.clip(point.x + move, self.low, self.high) for move in moves]
+            points = sorted(self.points(np.array(trials)), key=lambda point: point.chi2)
+            guesses = np.array([point.x for point in points[:BEST]])
+        return list(guesses)
+
+
+def weigh(rows: Matrix, present: Rows, sigma: Vector) -> Matrix:
+    """Remove the mean of each sensor from rows, shape (m, s, n), and divide by the noise, shape (m, s n)."""
+    count = np.maximum(present.sum(axis=1), 1)
+    mean = np.where(present, rows, 0.0).sum(axis=2) / count
+    return np.asarray((np.where(present, rows - mean[:, :, None], 0.0) / sigma[:, None]).reshape(len(rows), -1))
