@@ -8,13 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gossamer_models.assessment import (
-    AlwaysZero,
-    assess,
-    read_assessment,
-    shipped_judges,
-    write_assessment,
-)
+from gossamer_models.assessment import AlwaysZero, assess, read_assessment, shipped_judges, write_assessment
 from gossamer_models.assessment.results import FILE
 from studies.damage import thesis_trainings, write
 

@@ -44,9 +44,7 @@ def packages(*sources):
     """Names of packages, of the lock files among ``sources`` those that they pin."""
     for source in sources:
         lock = ROOT / source
-        pinned = (
-            re.findall(r"^([\w-]+)==", lock.read_text(encoding="utf-8"), re.MULTILINE) if lock.is_file() else [source]
-        )
+        pinned = re.findall(r"^([\w-]+)==", lock.read_text(encoding="utf-8"), re.MULTILINE) if lock.is_file() else [source]
         yield from dict.fromkeys(pinned)
 
 
@@ -121,9 +119,7 @@ def test_the_light_install_runs_identifies_and_fits_the_twin(installed, tmp_path
     record = np.column_stack([time, strain, 100.0 + 500.0 * strain + 20.0 * np.sqrt(strain)])
     np.savetxt(tmp_path / "mine.csv", record, delimiter=",", header="time [s],strain [1],resistance [ohm]", comments="")
     model = ("--model", "preisach", "--modes", "2", "--relaxations", "1")
-    run(
-        tmp_path, commands / "gossamer", "identify", "mine.csv", *model, "--out", "mine.json", stdout=subprocess.DEVNULL
-    )
+    run(tmp_path, commands / "gossamer", "identify", "mine.csv", *model, "--out", "mine.json", stdout=subprocess.DEVNULL)
     assert (tmp_path / "mine/report.html").is_file()
 
 

@@ -96,8 +96,7 @@ def main(path: str) -> Flight:
         simulation.ExecuteSimulation()
         after = vehicle.scStateOutMsg.read()
         R, O = (
-            (f(before) + f(after)) / 2.0
-            for f in (lambda s: from_mrp(np.array(s.sigma_BN)), lambda s: np.array(s.r_BN_N))
+            (f(before) + f(after)) / 2.0 for f in (lambda s: from_mrp(np.array(s.sigma_BN)), lambda s: np.array(s.r_BN_N))
         )
         given[:3] += STEP * R @ thrust
         given[3:] += STEP * (R @ slew + np.cross(O, R @ thrust))

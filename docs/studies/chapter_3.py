@@ -179,9 +179,7 @@ def _dataset_2_3(rows: Sequence[TableRow], repeated: dict[str, FractionalFit], p
         if model in repeated:
             artifact = repeated[model].artifact
             curve = Curve(label=f"N = {len(artifact.terms)}", values=_change(artifact, third), colour=BLUE)
-            compare(
-                (ax[2], None, ax[3]), third.time, third.strain, third.resistance_change, [curve], fitted=(0.0, 200.0)
-            )
+            compare((ax[2], None, ax[3]), third.time, third.strain, third.resistance_change, [curve], fitted=(0.0, 200.0))
     _finish(axes)
     axes[2, 0].legend(loc="upper left")
     return save(figure, pictures, "fractional_dataset_2_3")

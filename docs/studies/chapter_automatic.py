@@ -39,9 +39,7 @@ def metrics(results: Results) -> list[Metric]:
             what = f"{row.name}, defaults, {quantity}, test"
             best = min(value for name, value in errors.items() if name != "defaults")
             found.append(Metric(what=what, unit="% of range", value=errors["defaults"], target=target))
-            found.append(
-                Metric(what=f"{what}, against rivals", unit="% of range", value=errors["defaults"], target=best)
-            )
+            found.append(Metric(what=f"{what}, against rivals", unit="% of range", value=errors["defaults"], target=best))
     return found
 
 

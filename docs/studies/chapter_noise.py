@@ -113,18 +113,14 @@ def _coverage(cases: Sequence[Case]) -> str:
             inside = np.mean([np.mean(np.abs(run.error) < 2.0 * run.deviation) for run in case.runs])
             shares.append(f"{100 * inside:.0f} % at {100 * case.noise:g} %")
     text = ", ".join(shares)
-    return (
-        f" The error is a drift rather than scatter. An exact band contains 95 % of the errors; this one {text} noise."
-    )
+    return f" The error is a drift rather than scatter. An exact band contains 95 % of the errors; this one {text} noise."
 
 
 def _levels(cases: Sequence[Case], pictures: Path) -> str:
     figure, axes = panels(1, 1, (6.5, 4.0))
     ax = axes[0, 0]
     for how, (colour, marker) in COMPENSATORS.items():
-        drawn = sorted(
-            (case for case in cases if case.how == how and case.history == LONG), key=lambda case: case.noise
-        )
+        drawn = sorted((case for case in cases if case.how == how and case.history == LONG), key=lambda case: case.noise)
         noise, rms = [100.0 * case.noise for case in drawn], [case.over_runs("rms") for case in drawn]
         least, most = ([end(run.rms for run in case.runs) for case in drawn] for end in (min, max))
         ax.vlines(noise, least, most, color=colour, lw=2.5, alpha=0.35)

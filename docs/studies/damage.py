@@ -116,9 +116,7 @@ def _trainings(trainings: Trainings) -> list[str]:
     return ["", "## Trained as the thesis did", "", text, "", *table(("training", "cases", "thesis", "ours"), body)]
 
 
-def estimates(
-    assessment: AssessmentResults, tables: ThesisTables, judge: str, condition: str
-) -> NDArray[np.float64] | None:
+def estimates(assessment: AssessmentResults, tables: ThesisTables, judge: str, condition: str) -> NDArray[np.float64] | None:
     """Return what a judge says of all cases of two tables, shape (n, 16) [%]; None if it was not asked."""
     wanted = (tables.name, judge, condition)
     found = {row.case: row.damage for row in assessment.tables if (row.table, row.judge, row.condition) == wanted}

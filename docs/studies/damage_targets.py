@@ -86,9 +86,7 @@ def metrics(assessment: AssessmentResults) -> Iterator[Line]:
         for condition, reach in DETECTION.items():
             asked = [r for r in assessment.detections if r.judge == judge and r.condition.startswith(condition)]
             zones = [row for row in asked if row.zone]
-            worst = max(
-                (100.0 * (row.a90_95 if row.a90_95 <= 1.0 else 1.0) for row in zones or asked), default=math.nan
-            )
+            worst = max((100.0 * (row.a90_95 if row.a90_95 <= 1.0 else 1.0) for row in zones or asked), default=math.nan)
             of = "the worst zone" if zones else "all zones together"
             yield _line(f"{judge}, {condition}: a90/95 of {of} (100: none)", "% damage", worst, reach)
 

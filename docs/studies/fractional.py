@@ -12,13 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from gossamer_models.fitting import Record, e1
-from gossamer_models.fractional import (
-    FractionalArtifact,
-    FractionalFit,
-    FractionalSettings,
-    fit_fractional,
-    predict_record,
-)
+from gossamer_models.fractional import FractionalArtifact, FractionalFit, FractionalSettings, fit_fractional, predict_record
 from gossamer_models.fractional.artifact import MODELS, ModelName
 from numpy.typing import NDArray
 
@@ -155,9 +149,7 @@ def limits(starts: int = 4) -> Limits:
     """Return what limits the fractional models on the SYNTHETIC datasets, from fits with that many starts."""
     one, two = dataset(1), dataset(2)
     first = specimen_record(1)
-    loose = {
-        model: FractionalSettings(model=model, restraint=1e-4, nonnegative=False, starts=starts) for model in MODELS
-    }
+    loose = {model: FractionalSettings(model=model, restraint=1e-4, nonnegative=False, starts=starts) for model in MODELS}
     part = {model: fit_change(first, fitted(1), settings) for model, settings in loose.items()}
     everything = np.ones(one.time.size, dtype=bool)
     n = two.time.size

@@ -173,9 +173,7 @@ def run_transfers(data: Path) -> list[Transfer]:
     for source, target in (("strain_sin_30", "strain_triangular"), ("strain_triangular", "strain_mixed_15_25")):
         for name, model in (("thesis' drives", "thesis"), ("extension", "nylon")):
             predicted = predict_resistance(_fit(records[source], settings[model], 1.0), records[target])
-            transfers.append(
-                Transfer(source=source, target=target, model=name, record=records[target], predicted=predicted)
-            )
+            transfers.append(Transfer(source=source, target=target, model=name, record=records[target], predicted=predicted))
     return transfers
 
 

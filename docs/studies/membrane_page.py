@@ -131,6 +131,4 @@ def _history_picture(study: MeshStudy, pictures: Path) -> list[str]:
     whole.set(ylabel="change of strain [%]", title="Sensor 1, undamaged membrane")
     left.set(xlabel="time [s]", ylabel="less that of order 8 [%]")
     whole.legend()
-    return show(
-        save(figure, pictures, "histories"), "Histories: strain at sensor 1 on two meshes and on the reference."
-    )
+    return show(save(figure, pictures, "histories"), "Histories: strain at sensor 1 on two meshes and on the reference.")

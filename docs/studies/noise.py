@@ -229,18 +229,14 @@ def run_estimator(
     )
 
 
-def run_inverse(
-    artifact: SensorArtifact, strain: Vector, output: Vector, lag: int = 0, dead_band: float = 0.0
-) -> Estimate:
+def run_inverse(artifact: SensorArtifact, strain: Vector, output: Vector, lag: int = 0, dead_band: float = 0.0) -> Estimate:
     """Run the exact inverse; ``lag`` [samples] is the delay of the output."""
     y = _simulated(compensator_model(artifact), {"resistance": output}, ("strain",), dead_band=dead_band)["strain"]
     true = strain[: strain.size - lag]
     return Estimate(strain=true, error=y[lag:] - true, present_error=y - strain, deviation=np.zeros_like(true))
 
 
-def _simulated(
-    model: StepModel, inputs: dict[str, Vector], results: tuple[str, ...], **start: float
-) -> dict[str, Vector]:
+def _simulated(model: StepModel, inputs: dict[str, Vector], results: tuple[str, ...], **start: float) -> dict[str, Vector]:
     stepper = Stepper(model, **UNIT, **start)
     stepper.initialize()
     return simulate(stepper, np.full(next(iter(inputs.values())).size, STEP), inputs, results)

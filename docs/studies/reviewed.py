@@ -45,8 +45,6 @@ def comparisons(judged: Judged) -> list[Comparison]:
     found = []
     for quantity, (own, cubic, target) in quantities.items():
         for what, value, wanted in (("own scales", own, target), ("cubic of its first half", cubic, None)):
-            metric = Metric(
-                what=f"two records -> {name}, {quantity}, {what}", unit="% of range", value=value, target=wanted
-            )
+            metric = Metric(what=f"two records -> {name}, {quantity}, {what}", unit="% of range", value=value, target=wanted)
             found.append(Comparison(what=metric.what, train=None, test=metric))
     return found

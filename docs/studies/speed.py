@@ -54,9 +54,7 @@ def run_speed(neighbours: int = 4, evaluations: int = 1000) -> list[Metric]:
         return _seconds(partial(least_squares, residual, q, bounds=bounds, x_scale=scale, max_nfev=evaluations))
 
     with threadpool_limits(1):  # as the fit does; the peer is faster so, too
-        runs = [
-            (_seconds(whole), _seconds(partial(solver.minimize, start)), peer(q, 1.0), peer(q, "jac")) for q in starts
-        ]
+        runs = [(_seconds(whole), _seconds(partial(solver.minimize, start)), peer(q, 1.0), peer(q, "jac")) for q in starts]
     seconds, iterating, plain, scaled = np.transpose(runs)
     ours, alone = float(np.median(seconds)), float(np.median(iterating))
     metrics = [

@@ -96,9 +96,7 @@ ROWS = {
         "0.15 / 0.65, z 0.8 to 1.2, 2.5 s", lambda d: strain(d, membrane(DEFAULT)), lambda: Twin(discrepancy=None)
     ),
     "default, learned": Row("", lambda d: strain(d, membrane(DEFAULT)), Twin),
-    "all zones": Row(
-        "", lambda d: strain(d, membrane(BILINEAR)), lambda: Twin(square_structure(*BILINEAR), sparse=False)
-    ),
+    "all zones": Row("", lambda d: strain(d, membrane(BILINEAR)), lambda: Twin(square_structure(*BILINEAR), sparse=False)),
     "clean": Row(
         "0.000", lambda d: strain(d, membrane(BILINEAR), 0.0), lambda: Twin(square_structure(*BILINEAR)), noise=1e-6
     ),

@@ -142,9 +142,7 @@ def _compile(files: dict[str, bytes], source: str, library: str, target: str, be
         return compile_shared(files, source, library, [*options, "-I", str(fmi_headers())], target)
 
     what = f"{library} for {target}"
-    return kept_library(
-        [source, library, *options, *headers, *named], Path(library).suffix, compile_it, what
-    ).read_bytes()
+    return kept_library([source, library, *options, *headers, *named], Path(library).suffix, compile_it, what).read_bytes()
 
 
 def _this_platform() -> str:

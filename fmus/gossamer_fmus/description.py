@@ -129,9 +129,7 @@ def model_description(model: StepModel, guid: str, *, fmi: FmiVersion = 2, nativ
     for name in dict.fromkeys(["s", *(variable.unit for variable in model.variables)]):
         ET.SubElement(ET.SubElement(units, "Unit", name=name), "BaseUnit", base_unit(name))
     categories = ET.SubElement(root, "LogCategories")
-    for name, text in (
-        _LOG_CATEGORIES | ({} if native else {"logStatusFatal": "The FMU could not be started."})
-    ).items():
+    for name, text in (_LOG_CATEGORIES | ({} if native else {"logStatusFatal": "The FMU could not be started."})).items():
         ET.SubElement(categories, "Category", name=name, description=text)
     ET.SubElement(root, "DefaultExperiment", _DEFAULT_EXPERIMENT)
     variables = ET.SubElement(root, "ModelVariables")

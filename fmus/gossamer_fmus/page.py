@@ -76,9 +76,7 @@ def diagrams(model: StepModel) -> dict[str, bytes]:
         FigureCanvasAgg(figure)
         axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(-0.6, 6.8), ylim=(0.0, height))
         axes.axis("off")
-        block = FancyBboxPatch(
-            (2.3, 0.15), 1.8, height - 0.3, "round,pad=0,rounding_size=0.06", fc="#f4f6f8", ec="#333344"
-        )
+        block = FancyBboxPatch((2.3, 0.15), 1.8, height - 0.3, "round,pad=0,rounding_size=0.06", fc="#f4f6f8", ec="#333344")
         axes.add_patch(block)
         axes.text(3.2, height / 2, model.name, ha="center", va="center", weight="bold")
         for causality, members in arrays.items():

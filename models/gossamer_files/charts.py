@@ -180,11 +180,7 @@ def heat(x: ArrayLike, y: ArrayLike, z: ArrayLike, label: str, **more: Any) -> T
 def rule(x: float | None = None, y: float | None = None, color: str = "@grey", **line: Any) -> Trace:  # noqa: ANN401
     """Return a line across a chart: upright at ``x``, or level at ``y``."""
     place = {"yref": "paper", "x0": x, "x1": x, "y0": 0, "y1": 1} if y is None else {"y0": y, "y1": y, "x0": 0, "x1": 1}
-    return (
-        {"type": "line", "xref": "x" if y is None else "paper"}
-        | place
-        | {"line": {"color": color, "width": 1.5} | line}
-    )
+    return {"type": "line", "xref": "x" if y is None else "paper"} | place | {"line": {"color": color, "width": 1.5} | line}
 
 
 def area(x0: float, x1: float, color: str = "@grey/0.15") -> Trace:

@@ -231,9 +231,7 @@ def _errors(trace: Trace, axis: str) -> Array | None:
     if not found:
         return None
     above = np.nan_to_num(np.asarray(found["array"], dtype=float))
-    reach: Array = np.maximum(
-        np.stack([np.nan_to_num(np.asarray(found.get("arrayminus", above), dtype=float)), above]), 0.0
-    )
+    reach: Array = np.maximum(np.stack([np.nan_to_num(np.asarray(found.get("arrayminus", above), dtype=float)), above]), 0.0)
     return reach
 
 

@@ -3,15 +3,7 @@
 ``docs/nomenclature.md`` lists every symbol, its unit and its file, and where each equation of the thesis is implemented.
 """
 
-from .errors import (
-    ArtifactError,
-    ConvergenceError,
-    DataError,
-    GossamerError,
-    InputError,
-    ParameterError,
-    StateError,
-)
+from .errors import ArtifactError, ConvergenceError, DataError, GossamerError, InputError, ParameterError, StateError
 from .step_model import StepModel
 from .stepper import Stepper, simulate
 from .variables import Variable

@@ -209,9 +209,7 @@ def identify_files(
             f"Chosen by predicting the later parts of the training stretch: {won.text}.",
             *preisach_doubts(fit, chosen=True),
         )
-        trained = max(
-            float(record.strain[part].max()) for record, part in zip(records, rows, strict=True) if part.any()
-        )
+        trained = max(float(record.strain[part].max()) for record, part in zip(records, rows, strict=True) if part.any())
         if fit.full_scale > BEYOND * trained:
             beyond = (
                 f"Strain from {trained:g} to the full scale {fit.full_scale:g} is in no training stretch, and the choice "
@@ -234,9 +232,7 @@ def identify_files(
         fit = fit_preisach(records, rows, settings, watch=watch, **given)
         doubted = preisach_doubts(fit)
         if settings.ridge == "auto":
-            chosen = (
-                f"The ridge {fit.settings.ridge:g} is a mean of those that best predict the later parts of training."
-            )
+            chosen = f"The ridge {fit.settings.ridge:g} is a mean of those that best predict the later parts of training."
             doubted = (chosen, *doubted)
         stated = _stated(fit)
     errors, recovered = fit.errors, tuple[Recovered, ...]()

@@ -69,9 +69,7 @@ def disordered(name: str, pair: tuple[float, float], low: float, high: float) ->
     """Refuse a pair that is not in order or reaches beyond its limits."""
     if not low <= pair[0] <= pair[1] <= high:
         within = f" from {low:g} to {high:g}" * math.isfinite(high)
-        yield Mistake(
-            (name,), f"{name!r} is [{pair[0]:g}, {pair[1]:g}]. Write two numbers{within}, the lower one first."
-        )
+        yield Mistake((name,), f"{name!r} is [{pair[0]:g}, {pair[1]:g}]. Write two numbers{within}, the lower one first.")
 
 
 def raise_any(mistakes: list[Mistake]) -> None:

@@ -91,9 +91,7 @@ def responses(steps: ArrayLike, u: Vector, rates: Vector, excitations: Sequence[
     if any(power for _, power in excitations):
         kernels.append(u[:-1, None] * kernels[0] + np.diff(u)[:, None] * phi_2(ca.DM(x)).full())
     sizes = [np.broadcast_to(size, (u.size - 1,))[:, None] for size, _ in excitations]
-    gained = np.hstack(
-        [np.empty((u.size - 1, 0)), *(r * kernels[p] for r, (_, p) in zip(sizes, excitations, strict=True))]
-    )
+    gained = np.hstack([np.empty((u.size - 1, 0)), *(r * kernels[p] for r, (_, p) in zip(sizes, excitations, strict=True))])
     left = np.tile(np.exp(-x), len(excitations))
     Z = np.zeros((u.size, gained.shape[1]))
     if len(left) == 1:

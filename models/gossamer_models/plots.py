@@ -78,8 +78,7 @@ def record_files(seen: ModelledRecord) -> dict[str, Chart]:
     """Return the charts of one record by the names of their files."""
     stem, charts = Path(seen.record.name).stem, {chart.title: chart for chart in record_charts(seen)}
     titled = {
-        title: replace(chart, title=f"{seen.record.name}: {title[0].lower()}{title[1:]}")
-        for title, chart in charts.items()
+        title: replace(chart, title=f"{seen.record.name}: {title[0].lower()}{title[1:]}") for title, chart in charts.items()
     }
     return {f"{stem}_{name}": titled[title] for title, name in FILES.items() if title in titled}
 

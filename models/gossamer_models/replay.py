@@ -218,9 +218,7 @@ def table_path(folder: Path, name: str) -> Path:
     return folder / f"{Path(name).stem}_predicted.csv"
 
 
-def write_predictions(
-    path: Path, record: Record, predicted: Vector, recovered: Mapping[str, Vector], fitted: Rows
-) -> Path:
+def write_predictions(path: Path, record: Record, predicted: Vector, recovered: Mapping[str, Vector], fitted: Rows) -> Path:
     """Write a record beside what a model makes of it; return the path.
 
     Parameters

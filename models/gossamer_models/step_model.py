@@ -269,9 +269,7 @@ class StepModel:
             texts = {name: (folder / f"{name}.casadi").read_text(encoding="utf-8") for name in ("init", "step")}
             for name, text in texts.items():
                 if _digest(text) != card["sha256"][name]:
-                    msg = (
-                        f"{folder / name}.casadi is damaged: its SHA-256 is not the one in model.json. Build it again."
-                    )
+                    msg = f"{folder / name}.casadi is damaged: its SHA-256 is not the one in model.json. Build it again."
                     raise ArtifactError(msg)
             init, step = (ca.Function.deserialize(text) for text in texts.values())
             return cls(

@@ -225,9 +225,7 @@ class Stepper:
         head = _STATE_MAGIC + bytes.fromhex(self.model.digest)[:16]
         size = len(head) + 4 + 1 + 8 * (self._values.size + self._x.size)
         if not isinstance(content, bytes) or len(content) != size or not content.startswith(head):
-            msg = (
-                f"this is no saved state of model {self.model.name!r}, which is {size} bytes and begins with its digest"
-            )
+            msg = f"this is no saved state of model {self.model.name!r}, which is {size} bytes and begins with its digest"
             raise StateError(msg)
         body = content[len(head) + 4 :]
         if struct.pack("<I", zlib.crc32(body)) != content[len(head) : len(head) + 4]:
@@ -256,9 +254,7 @@ class Stepper:
 
     def _variable(self, index: int) -> Variable:
         if not (isinstance(index, int | np.integer) and 0 <= index < len(self.model.variables)):
-            msg = (
-                f"model {self.model.name!r} has no variable number {index}; it has 0 to {len(self.model.variables) - 1}"
-            )
+            msg = f"model {self.model.name!r} has no variable number {index}; it has 0 to {len(self.model.variables) - 1}"
             raise InputError(msg)
         return self.model.variables[index]
 

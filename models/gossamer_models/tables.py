@@ -97,9 +97,7 @@ def trial_table(result: Identified, most: int) -> TableText:
 def assessment_tables(judged: tuple[Judged, ...], stretch: str) -> list[TableText]:
     """Return the errors of a sensor on other records, and the scales where they were fitted."""
     fitted = judged[0].scales is not None
-    first = (
-        "fitted scales and the cubic know" if fitted else "the cubic knows; the sensor knows nothing of these records"
-    )
+    first = "fitted scales and the cubic know" if fitted else "the cubic knows; the sensor knows nothing of these records"
     head = ("record", "stretch", "samples", "resistance", "by a cubic", "recovered by", "strain", "by a cubic")
     errors: list[tuple[str, ...]] = []
     for each in judged:
@@ -109,9 +107,7 @@ def assessment_tables(judged: tuple[Judged, ...], stretch: str) -> list[TableTex
             for k, (kind, found) in enumerate(each.recovered.items()):
                 ratio = each.deviation_ratio(rows, kind)
                 right = (kind, f"{each.strain(rows, found.strain):.2f}", f"{each.strain(rows, each.cubic_strain):.2f}")
-                errors.append(
-                    ((*left, cubic) if k == 0 else ("",) * 5) + (*right, "-" if ratio is None else f"{ratio:.2f}")
-                )
+                errors.append(((*left, cubic) if k == 0 else ("",) * 5) + (*right, "-" if ratio is None else f"{ratio:.2f}"))
     caption = f"Errors: NRMSE in % of range. The first stretch ({stretch}) of a record is what {first}."
     made = [TableText((*head, "stated / true deviation"), errors, caption)]
     if fitted:

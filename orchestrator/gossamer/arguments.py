@@ -89,9 +89,7 @@ Files: TypeAlias = Annotated[AnyPath | Sequence[AnyPath], Written("FILE", many=T
 Names: TypeAlias = Annotated[str | Sequence[str], Written("NAME", many=True)]  # an option for each
 NamesWithCommas: TypeAlias = Annotated[str | Sequence[str], Written("NAMES")]
 Numbers: TypeAlias = Annotated[str | Sequence[float], Written("LIST", read=_numbers, like=f"{WITH_COMMAS}: 3,100.")]
-Scales: TypeAlias = Annotated[
-    str | Sequence[float], Written("LIST", read=_numbers, like=f"{WITH_COMMAS}: 1000,150,0.2.")
-]
+Scales: TypeAlias = Annotated[str | Sequence[float], Written("LIST", read=_numbers, like=f"{WITH_COMMAS}: 1000,150,0.2.")]
 NumberOrAuto: TypeAlias = Annotated[float | str, Written("NUMBER", read=_number_or_auto, like=ONE)]
 CountOrAuto: TypeAlias = Annotated[int | str, Written("NUMBER", read=_count_or_auto, like=COUNT)]
 Values: TypeAlias = Annotated[Mapping[str, object] | Sequence[str], Written("NAME=VALUE", many=True)]

@@ -7,17 +7,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
-from .arguments import (
-    Cases,
-    File,
-    Files,
-    Folder,
-    Form,
-    Names,
-    Values,
-    command,
-    several,
-)
+from .arguments import Cases, File, Files, Folder, Form, Names, Values, command, several
 from .options import ColumnOptions
 from .plans import judged_on
 from .records import histories, tell_recognised
@@ -74,8 +64,7 @@ class Assessment(Result):
     def sentence(self) -> str:
         """The errors."""
         each = [
-            f"{one.forward(one.stretches().get('judged', one.first)):.3g} % for {one.record.name}"
-            for one in self.judged
+            f"{one.forward(one.stretches().get('judged', one.first)):.3g} % for {one.record.name}" for one in self.judged
         ]
         return f"The resistance is predicted with an error (NRMSE) of {', '.join(each)}."
 

@@ -229,9 +229,7 @@ def _signature(function: Callable[..., Any]) -> inspect.Signature:
     group = cyclopts.Group("Options of all commands", sort_key=100)
     listed = [_parameter(each, about[each.name]) for each in declared(function).values()]
     for name, (flags, kind, text) in COMMON.items():
-        how = cyclopts.Parameter(
-            name=flags, help=text, group=group, negative=(), show_default=False, allow_repeating=True
-        )
+        how = cyclopts.Parameter(name=flags, help=text, group=group, negative=(), show_default=False, allow_repeating=True)
         hint, default = Annotated[kind | None, how], None
         listed.append(inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=hint, default=default))
     return inspect.Signature(listed)

@@ -238,9 +238,7 @@ def twin(
     with replacing(path) as unfinished:
         unfinished.write_text(json.dumps(answer.as_json(show_invalid=show_invalid), indent=1) + "\n", encoding="utf-8")
     compared = _compared(source, found.record, answer.record, stop)
-    pages = save_page(
-        lambda: twin_page(name_of(source), answer, compared, show_invalid=show_invalid), path.with_suffix("")
-    )
+    pages = save_page(lambda: twin_page(name_of(source), answer, compared, show_invalid=show_invalid), path.with_suffix(""))
     return TwinAnswer(files=[path, *pages], answer=answer, compared=compared, show_invalid=show_invalid)
 
 

@@ -19,15 +19,7 @@ from gossamer_models.mistakes import DescriptionError
 from gossamer_orchestrator import ScenarioError
 from gossamer_orchestrator.names import suggest
 from gossamer_orchestrator.scenario.schema import ScenarioTable
-from gossamer_orchestrator.scenario.source import (
-    Location,
-    Problems,
-    Source,
-    explain,
-    find_scenario,
-    parse_toml,
-    read_text,
-)
+from gossamer_orchestrator.scenario.source import Location, Problems, Source, explain, find_scenario, parse_toml, read_text
 from pydantic import ValidationError, create_model
 
 T = TypeVar("T")
@@ -103,9 +95,7 @@ def read_description(
                 array = place if item["type"] == "too_long" else place[:-1]
                 problems.add(array, f"{array[-1]!r} needs {_shape(item, place)}.")
             else:
-                problems.add(
-                    place, explain(item["type"], place, item["msg"], item["input"], _known(place, kind, tables))
-                )
+                problems.add(place, explain(item["type"], place, item["msg"], item["input"], _known(place, kind, tables)))
         problems.raise_if_any()
         raise
     return found, source
@@ -175,9 +165,7 @@ def load_structure(path: Path, mesh: Path | None = None, *, expose: bool = False
     if expose:
         setup = replace(setup, expose=True)
     with locating(source):
-        return make_structure(
-            setup, surface_mesh(read_mesh(mesh or path.parent / setup.mesh, setup.scale), setup.order)
-        )
+        return make_structure(setup, surface_mesh(read_mesh(mesh or path.parent / setup.mesh, setup.scale), setup.order))
 
 
 def _warn_of_units(setup: Setup, source: Source) -> None:

@@ -287,9 +287,7 @@ def train(
     path = path or Path("out/detector") / f"{name}{end}.json"
     with progress_bar("training") as bar:
         artifact = train_posterior(data, training, lambda done: bar.update(done, 1.0))
-    made = (
-        f"gossamer train {'--setup ' * (plan.get('setup') is not None)}{name} --kind {kind} --epochs {training.epochs}"
-    )
+    made = f"gossamer train {'--setup ' * (plan.get('setup') is not None)}{name} --kind {kind} --epochs {training.epochs}"
     made += f" --window {window:g}" if window is not None else ""
     judged = held_out_verdicts(artifact, data, training)
     artifact = replace(

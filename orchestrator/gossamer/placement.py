@@ -97,9 +97,7 @@ class SensorPlacement(Saved):
         from gossamer_orchestrator.words import counted
 
         own, chosen = self.result.own, self.result.chosen
-        worst = (
-            f"With {len(chosen.sensors)} chosen sensors the worst zone has a90 = {damage_text(chosen.a90.max())} damage"
-        )
+        worst = f"With {len(chosen.sensors)} chosen sensors the worst zone has a90 = {damage_text(chosen.a90.max())} damage"
         if own is None:
             return f"{worst}."
         worst += f"; with the membrane's own {len(own.sensors)} it has {damage_text(own.a90.max())}."
@@ -112,10 +110,7 @@ class SensorPlacement(Saved):
         return [
             "a90 is the damage that is detected in 90 % of cases at 5 % false alarms.",
             *self._told,
-            *(
-                f"The {name} sensors do not find zones {', '.join(map(str, zones))}."
-                for name, zones in self.lost.items()
-            ),
+            *(f"The {name} sensors do not find zones {', '.join(map(str, zones))}." for name, zones in self.lost.items()),
             *self._checked,
             "The model is taken to be exact, so real sensors find less.",
         ]
@@ -123,9 +118,7 @@ class SensorPlacement(Saved):
     @property
     def _told(self) -> list[str]:
         """What numbers of sensors tell, and what they do not."""
-        curve = [
-            f"{count} {'give' if count > 1 else 'gives'} {100.0 * worst:.2g} %" for count, worst in self.result.curve
-        ]
+        curve = [f"{count} {'give' if count > 1 else 'gives'} {100.0 * worst:.2g} %" for count, worst in self.result.curve]
         told = [f"Deviation of the worst zone by the number of sensors: {', '.join(curve)}."] * bool(curve)
         return [*told, *self.result.unseen]
 

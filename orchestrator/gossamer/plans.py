@@ -29,9 +29,7 @@ def given(plan: Mapping[str, object]) -> bool:
     return any(value is not None for value in plan.values())
 
 
-def planned(
-    source: AnyPath | None, window: float | None, **plan: Unpack[PlanOptions]
-) -> tuple[CampaignPlan, Source, str]:
+def planned(source: AnyPath | None, window: float | None, **plan: Unpack[PlanOptions]) -> tuple[CampaignPlan, Source, str]:
     """Return the campaign of a file, a scenario or a setup, the text that its mistakes are in, and its name."""
     from gossamer_models.campaign import Distribution, MeasurementNoise, campaign_of_setup
     from gossamer_models.campaign.defaults import CASES, NOISE

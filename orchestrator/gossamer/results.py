@@ -38,9 +38,7 @@ class Result:
     """
 
     files: Sequence[Path] = ()
-    TABLES: ClassVar[Literal["stdout", "stderr", "told"]] = (
-        "stderr"  # where the command line prints them, if not yet told
-    )
+    TABLES: ClassVar[Literal["stdout", "stderr", "told"]] = "stderr"  # where the command line prints them, if not yet told
 
     @property
     def page(self) -> Path | None:
@@ -116,9 +114,7 @@ class Result:
             parts.append(console.export_html(inline_styles=True, code_format=_CODE))
         if (picture := self.picture()) is not None:
             coded = base64.b64encode(picture).decode()
-            parts.append(
-                f'<img style="max-width:100%" alt="{escape(self.sentence)}" src="data:image/png;base64,{coded}">'
-            )
+            parts.append(f'<img style="max-width:100%" alt="{escape(self.sentence)}" src="data:image/png;base64,{coded}">')
         return f"<div>{''.join(parts)}</div>"
 
 

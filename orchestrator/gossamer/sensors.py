@@ -233,9 +233,7 @@ def identify(
     paths, artifact = [Path(path) for path in several(files)], json_file(out)
     keep_inputs(paths, [out, artifact])
     begun = time.perf_counter()
-    chosen: dict[str, Any] = {
-        name: value for name, value in options.items() if value is not None and value is not False
-    }
+    chosen: dict[str, Any] = {name: value for name, value in options.items() if value is not None and value is not False}
     columns = {name: chosen.pop(name) for name in ColumnOptions.__annotations__ if name in chosen}
     model = model or ("preisach" if chosen else AUTO)
     if model == AUTO and chosen:
@@ -278,9 +276,7 @@ def identify(
     found_at = "fitted" if rest_resistance is None else "given"
     rest = f"{found_at} {result.fit.rest_resistance:.6g}{UNITS[result.fit.records[0].unit]} at rest"
     if pictures:
-        written += save_page(
-            lambda: identification_page(result, artifact, paths, rest, seconds), artifact.with_suffix("")
-        )
+        written += save_page(lambda: identification_page(result, artifact, paths, rest, seconds), artifact.with_suffix(""))
     return Identification(result=result, model=model, rest=rest, files=written)
 
 

@@ -101,9 +101,7 @@ def explain_file(path: Path) -> str:
         if zipfile.is_zipfile(path):
             with zipfile.ZipFile(path) as archive:
                 names = archive.namelist()
-            return next(
-                (text for name, text in _MEMBERS.items() if name in names), "It is a ZIP archive of another kind."
-            )
+            return next((text for name, text in _MEMBERS.items() if name in names), "It is a ZIP archive of another kind.")
         with path.open("rb") as file:
             head = file.read(4096)
     except (OSError, zipfile.BadZipFile):

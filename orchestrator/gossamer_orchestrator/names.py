@@ -49,9 +49,7 @@ def _range(name: str, candidates: Iterable[str]) -> str:
     kind, wanted = _numbered(name)
     found = sorted((_numbered(each)[1], each) for each in candidates if wanted and _numbered(each)[0] == kind)
     alike = zip(wanted, *(numbers for numbers, _ in found), strict=False)
-    if len(found) < 2 or (
-        len(wanted) == len(found[0][0]) and all(min(there) <= k <= max(there) for k, *there in alike)
-    ):
+    if len(found) < 2 or (len(wanted) == len(found[0][0]) and all(min(there) <= k <= max(there) for k, *there in alike)):
         return ""
     return f"There are {len(found)}: {found[0][1]} .. {found[-1][1]}."
 

@@ -92,10 +92,7 @@ def test_a_simulated_second_beside_calculix(built, start, inside, measured, tmp_
     subprocess.run([ccx, "membrane"], cwd=tmp_path, env=environment, check=True, capture_output=True)
     theirs = (time.perf_counter() - begin) / (100 * H)
     centre = float((tmp_path / "membrane.dat").read_text().split()[-1])
-    print(
-        f"CalculiX, here: {theirs:.0f} s, {theirs / ours:.0f} times; "
-        f"centre at 0.03 s {centre:.6f} m (reference 0.120686)"
-    )
+    print(f"CalculiX, here: {theirs:.0f} s, {theirs / ours:.0f} times; centre at 0.03 s {centre:.6f} m (reference 0.120686)")
     assert centre == pytest.approx(0.1206857, abs=1e-6)
 
 

@@ -23,9 +23,7 @@ def test_a_page_of_ten_minutes_opens(tmp_path, measured, width, height):
     written, found = time.perf_counter() - begin, []
     for _ in range(ROUNDS if measured else 1):
         with launched() as browser:
-            found.append(
-                opened(browser, page.as_uri(), [], viewport={"width": width, "height": height}).evaluate(TIMES)
-            )
+            found.append(opened(browser, page.as_uri(), [], viewport={"width": width, "height": height}).evaluate(TIMES))
     words, window, rest = (min(each[name] for each in found) for name in ("first-contentful-paint", "window", "all"))
     size = page.stat().st_size / 1e6
     print(f"\na page of 2e6 rows: made and written in {written:.1f} s, {size:.1f} MB; {width} pixels wide:")

@@ -172,9 +172,7 @@ def test_commands_within_sentences_have_options_that_exist():
 
 
 def test_every_page_with_a_snippet_is_in_the_list():
-    shown = {
-        page for page in PAGES for language, _ in FENCED.findall(text_of(page)) if language not in ("math", "text")
-    }
+    shown = {page for page in PAGES for language, _ in FENCED.findall(text_of(page)) if language not in ("math", "text")}
     assert shown == set(SNIPPETS)
     for reason in SNIPPETS.values():
         for file in re.findall(r"tests/[\w/]+\.py", reason):

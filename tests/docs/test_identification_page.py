@@ -39,9 +39,7 @@ def results():
     both = (specimen_record(1), specimen_record(2))
     models = ("model-1", "sub-model-1", "sub-model-2")
     rows = [fit_row(FractionalSettings(model=model, terms=3, starts=1)) for model in models]
-    row = SpecimenFit(
-        modes=3, fit=fit, seconds=1.0, records=both, predicted=tuple(0.9 * each.resistance for each in both)
-    )
+    row = SpecimenFit(modes=3, fit=fit, seconds=1.0, records=both, predicted=tuple(0.9 * each.resistance for each in both))
     return Results(
         specimen=[row],
         chosen=[row],

@@ -44,6 +44,4 @@ def test_the_search_finds_pages_without_a_server(page):
     results = page.locator("a.md-search-result__link")
     results.first.wait_for(state="attached", timeout=PATIENCE)
     addresses = [each.get_attribute("href") for each in results.all()]
-    assert any("fmus/sensor/index.html" in address or "gossamer_models.modes" in address for address in addresses), (
-        addresses
-    )
+    assert any("fmus/sensor/index.html" in address or "gossamer_models.modes" in address for address in addresses), addresses

@@ -65,9 +65,7 @@ def test_the_own_sensor_recovers_the_strain_of_another_record(tmp_path, monkeypa
     monkeypatch.chdir(tmp_path)
     (tmp_path / "docs").symlink_to(ROOT / "docs", target_is_directory=True)
     names = walk("own_sensor.md", tmp_path)
-    stated = float(
-        re.search(r"It prints (\d\.\d) %", (PAGES / "tutorials/own_sensor.md").read_text(encoding="utf-8"))[1]
-    )
+    stated = float(re.search(r"It prints (\d\.\d) %", (PAGES / "tutorials/own_sensor.md").read_text(encoding="utf-8"))[1])
     assert 100.0 * names["in_full_scale"] == pytest.approx(stated, abs=0.1)
     assert f"{stated} % of full scale" in capsys.readouterr().out
 

@@ -118,9 +118,7 @@ def test_the_mac_libraries_export_fmi_alone_need_the_system_alone_and_are_signed
 
 
 def test_a_build_in_another_process_and_folder_gives_the_same_bytes(archives, tmp_path):
-    usual = (
-        Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "zig"
-    )  # headers and libraries of platforms
+    usual = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "zig"  # headers and libraries of platforms
     anew = {"ZIG_GLOBAL_CACHE_DIR": str(usual), **os.environ, "XDG_CACHE_HOME": str(tmp_path / "no libraries")}
     build(tmp_path, 3, ["all"], anew)
     assert (tmp_path / "sensor.fmu").read_bytes() == archives[3].read_bytes()

@@ -67,9 +67,7 @@ def test_every_variable_has_a_unit_a_description_and_its_range(fmus, models, nam
     description = fmpy.read_model_description(str(fmus[name]))
     for found, wanted in zip(description.modelVariables, models[name].variables, strict=True):
         assert (found.name, found.unit, found.description) == (wanted.name, wanted.unit, wanted.description)
-        assert [
-            None if text is None else float(text) for text in (found.min, found.max, found.nominal, found.start)
-        ] == [
+        assert [None if text is None else float(text) for text in (found.min, found.max, found.nominal, found.start)] == [
             wanted.minimum,
             wanted.maximum,
             wanted.nominal,
@@ -219,9 +217,7 @@ def test_a_sensor_without_scales_is_built_with_stated_ones_or_not_at_all(tmp_pat
     path = tmp_path / "signal.json"
     replace(default_artifact(), provenance={"data": "another"}).write(path)
     for name in ("sensor", "compensator", "estimator"):
-        with pytest.raises(
-            ParameterError, match=r"signal\.json holds no scales.*scales=.*1000,150,0\.2.*rest_resistance="
-        ):
+        with pytest.raises(ParameterError, match=r"signal\.json holds no scales.*scales=.*1000,150,0\.2.*rest_resistance="):
             build_all(tmp_path, [name], artifact=path)
     built = build_all(tmp_path, ["sensor"], artifact=path, scales=(1000.0, 150.0, 0.2))["sensor"]
     starts = {v.name: v.start for v in fmpy.read_model_description(str(built)).modelVariables}

@@ -15,9 +15,7 @@ from gossamer_models.membrane import membrane_model, square_structure
 
 def test_the_membranes_two_expressions_give_the_same_numbers():
     """One maps one element's function, whose C is small; the other is columns, which suit the virtual machine."""
-    both = [
-        Stepper(membrane_model(square_structure(4), mapped=mapped), pressure_amplitude=2e4) for mapped in (False, True)
-    ]
+    both = [Stepper(membrane_model(square_structure(4), mapped=mapped), pressure_amplitude=2e4) for mapped in (False, True)]
     for stepper in both:
         stepper.set("damage[6]", 0.3)
         stepper.initialize()

@@ -148,9 +148,7 @@ def test_derivatives_with_arrays_are_those_of_fmi_2(make, models, built, unzippe
         for key, value in excite("membrane", k).items():
             old.set(key, value)
         assert old.step(3e-4) == 0
-    known = [
-        reference for reference, group in fmu.groups.items() if model.names[group.start] in ("pressure", "damage[1]")
-    ]
+    known = [reference for reference, group in fmu.groups.items() if model.names[group.start] in ("pressure", "damage[1]")]
     unknown = [reference for reference, group in fmu.groups.items() if model.names[group.start].startswith("strain")]
     flat = {True: [], False: []}
     for references, is_known in ((known, True), (unknown, False)):
@@ -186,9 +184,7 @@ def test_a_refusal_says_why_and_the_run_goes_on(make, models, call, message):
     with pytest.raises(FMICallException):
         call(fmu)
     assert message in fmu.messages[-1].decode()
-    results = [
-        reference for reference, group in fmu.groups.items() if group.start >= models["detector"].slices()[2].start
-    ]
+    results = [reference for reference, group in fmu.groups.items() if group.start >= models["detector"].slices()[2].start]
     assert fmu.get(results) == before
     advance(fmu, models["detector"], "detector", 1)
 

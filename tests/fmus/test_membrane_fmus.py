@@ -178,8 +178,7 @@ def test_the_code_does_not_grow_with_the_mesh():
     """All that grows is a file of numbers: 10,000 elements are asked for in 200 KB of C; 2,000 show what does not grow."""
     small, large = (membrane_model(drum(cells), compiled=True) for cells in (2, 20))
     sizes = [
-        sum(len(text) for name, text in sources(model, "", 2).items() if name != TABLES_FILE)
-        for model in (small, large)
+        sum(len(text) for name, text in sources(model, "", 2).items() if name != TABLES_FILE) for model in (small, large)
     ]
     assert len(large.tables.loops[0].nodes) == 5 * 20**2
     assert sizes[1] < 1.03 * sizes[0] < 200_000

@@ -168,9 +168,7 @@ def test_a_percent_sign_in_a_message_is_no_printf_format(instance):
 
 
 def test_fmpys_own_loop_ends_at_a_refused_step_rather_than_repeat_it_for_ever(fmus):
-    signals = np.array(
-        [(0.0, 0.0), (0.005, 0.0), (0.005, 1e8), (0.01, 1e8)], dtype=[("time", float), ("pressure", float)]
-    )
+    signals = np.array([(0.0, 0.0), (0.005, 0.0), (0.005, 1e8), (0.01, 1e8)], dtype=[("time", float), ("pressure", float)])
     result = fmpy.simulate_fmu(
         str(fmus["membrane"]),
         stop_time=0.01,

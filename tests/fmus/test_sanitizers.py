@@ -57,9 +57,7 @@ def sources(built, tmp_path_factory):
         else:
             path = built("native" if fmi == 2 else "native FMI 3")[name]
         with zipfile.ZipFile(path) as archive:
-            archive.extractall(
-                folder, [name for name in archive.namelist() if name.startswith(("sources/", "resources/"))]
-            )
+            archive.extractall(folder, [name for name in archive.namelist() if name.startswith(("sources/", "resources/"))])
         return folder / "sources"
 
     return get
@@ -78,9 +76,7 @@ def fuzzer(compiler, flags, fmi, sources):
 # the framed membrane has no C of its own but what CasADi writes, and takes five minutes
 @pytest.mark.parametrize("name", [name for name in FMUS if name != "framed_membrane"])
 @pytest.mark.parametrize("fmi", [2, 3])
-def test_random_calls_touch_no_foreign_memory_leak_nothing_and_leave_no_trace_where_refused(
-    compiler, sources, fmi, name
-):
+def test_random_calls_touch_no_foreign_memory_leak_nothing_and_leave_no_trace_where_refused(compiler, sources, fmi, name):
     calls = 500 if name == "membrane" else 4000
     done = run(fuzzer(compiler, MEMORY, fmi, sources(fmi, name)), calls, 1, 1)
     assert done.returncode == 0, done.stderr

@@ -30,9 +30,7 @@ LINUX, WINDOWS = "sensor.so for x86_64-linux-gnu.2.17", "sensor.dll for x86_64-w
 def test_a_second_build_compiles_nothing_and_gives_the_same_bytes(tmp_path, compiled):
     said = []
     first, second = (
-        build_all(tmp_path / name, ["sensor"], native=True, platforms=["linux64", "win64"], progress=said.append)[
-            "sensor"
-        ]
+        build_all(tmp_path / name, ["sensor"], native=True, platforms=["linux64", "win64"], progress=said.append)["sensor"]
         for name in ("first", "second")
     )
     assert sorted(compiled) == [WINDOWS, LINUX]

@@ -59,8 +59,7 @@ def with_fmi3(job, built):
 
     def change(pattern=""):
         return [
-            c | {"fmu": str(folder / Path(c["fmu"]).name)} if re.match(pattern, c["name"]) else c
-            for c in job["components"]
+            c | {"fmu": str(folder / Path(c["fmu"]).name)} if re.match(pattern, c["name"]) else c for c in job["components"]
         ]
 
     return change
@@ -103,9 +102,7 @@ def run_host(job, tmp_path_factory):
         done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120, check=False)
         printed = done.stdout + done.stderr
         assert done.returncode == 0 or not must_end_well, printed
-        return SimpleNamespace(
-            status=done.returncode, table=np.load(table) if table.exists() else None, printed=printed
-        )
+        return SimpleNamespace(status=done.returncode, table=np.load(table) if table.exists() else None, printed=printed)
 
     return run
 

@@ -32,9 +32,7 @@ def main(job, table):
     wires = [Connection(blocks[s][output], blocks[r][entry]) for s, output, r, entry in connections]
     wires += [Connection(constant, port) for constant, port in constants]
     wires += [Connection(source, scope[i]) for i, source in enumerate(watched)]
-    simulation = Simulation(
-        [*(constant for constant, _ in constants), *blocks.values(), scope], wires, dt=step, log=False
-    )
+    simulation = Simulation([*(constant for constant, _ in constants), *blocks.values(), scope], wires, dt=step, log=False)
     simulation.run((job["ticks"] - 1) * step)  # FMUs step at the start of an interval: at t = 0 they have made one step
     _, rows = scope.read()
     np.save(table, np.vstack([first, rows.T]))

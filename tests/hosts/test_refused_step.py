@@ -6,9 +6,7 @@ import pytest
 
 @pytest.fixture
 def job_with_bad_pressure(job):
-    components = [
-        c | {"start": c["start"] | {"pressure": 1e8}} if c["name"] == "membrane" else c for c in job["components"]
-    ]
+    components = [c | {"start": c["start"] | {"pressure": 1e8}} if c["name"] == "membrane" else c for c in job["components"]]
     return job | {"components": components, "ticks": 10, "steps": job["steps"][:10]}
 
 
@@ -22,8 +20,7 @@ def test_a_refusal_ends_the_run(script, run_host, job_with_bad_pressure):
 def test_libcosim_prints_why_a_step_was_refused(run_host, job_with_bad_pressure):
     host = run_host("libcosim_host.py", must_end_well=False, **job_with_bad_pressure)
     assert (
-        "input 'pressure' of model 'membrane' is 1e+08 Pa; it must be a finite number from -1e+06 to 1e+06"
-        in host.printed
+        "input 'pressure' of model 'membrane' is 1e+08 Pa; it must be a finite number from -1e+06 to 1e+06" in host.printed
     )
 
 

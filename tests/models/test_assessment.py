@@ -79,9 +79,7 @@ def transparent(condition, folder, **options):
 def seen(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("gossamer_models.assessment.run.make_records", transparent)
-        return assess(
-            [AlwaysZero(), Seer(), Seer(0.01, "blind", blind=True)], tmp_path_factory.mktemp("seen"), cases=100
-        )
+        return assess([AlwaysZero(), Seer(), Seer(0.01, "blind", blind=True)], tmp_path_factory.mktemp("seen"), cases=100)
 
 
 def test_the_figures_of_three_records_are_those_by_hand():
@@ -244,11 +242,7 @@ def test_results_are_read_as_they_were_written(seen, tmp_path):
     assert "NaN" not in (tmp_path / FILE).read_text()
     pictures = {path.stem for path in save_pictures(again, tmp_path)}
     assert pictures == {
-        *(
-            f"{kind}_seer_{what}"
-            for kind in ("detection", "confusion")
-            for what in ("noise_0_9_s", "whole_chain_0_3_s")
-        ),
+        *(f"{kind}_seer_{what}" for kind in ("detection", "confusion") for what in ("noise_0_9_s", "whole_chain_0_3_s")),
         "reliability",
         "errors",
         "false_calls",

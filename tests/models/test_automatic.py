@@ -109,8 +109,7 @@ def test_a_baseline_that_is_better_is_said_in_words():
     low, high = table[0].forward[1:]
     assert low < table[0].forward[0] < high
     assert (
-        "a static cubic predicts the output of the test stretch better than this sensor, 0.00 against"
-        in defeats(table)[0]
+        "a static cubic predicts the output of the test stretch better than this sensor, 0.00 against" in defeats(table)[0]
     )
 
 
@@ -133,9 +132,7 @@ PLAY = record(STRAIN, 3.0 + 0.3 * STRAIN + plays(STRAIN))
 def hasty():
     """A choice without time: of every stage what is tried first."""
     shares = []
-    chosen = choose(
-        (PLAY,), half(PLAY), full_scale=1.0, budget=1e-6, progress=lambda share, _text: shares.append(share)
-    )
+    chosen = choose((PLAY,), half(PLAY), full_scale=1.0, budget=1e-6, progress=lambda share, _text: shares.append(share))
     return chosen, shares
 
 

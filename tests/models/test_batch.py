@@ -276,9 +276,7 @@ def test_without_a_compiler_the_numbers_are_the_same_and_the_log_says_so(monkeyp
     runs = [b.run(60, 0.05, start, inputs) for b in (compiled, plain)]
     agree(runs[0].results, runs[1].results)
     assert runs[0].failed.tolist() == runs[1].failed.tolist()
-    half = [
-        b.run(20, 0.05, start, {"push": inputs["push"][:, :20]}) for b in (compiled, pickle.loads(pickle.dumps(plain)))
-    ]
+    half = [b.run(20, 0.05, start, {"push": inputs["push"][:, :20]}) for b in (compiled, pickle.loads(pickle.dumps(plain)))]
     rest = [
         b.run(40, 0.05, {}, {"push": inputs["push"][:, 20:]}, state=h.state)
         for b, h in zip((compiled, plain), half, strict=True)

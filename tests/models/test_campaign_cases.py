@@ -15,9 +15,7 @@ VARY = {
     "pressure_phase": Vary(range=(0.0, 6.0)),
     "sensor_gain": Vary(range=(0.98, 1.02)),
 }
-LEAST_P = (
-    0.01  # probability that a right distribution is refused; the seed is fixed, so a test that passes stays passed
-)
+LEAST_P = 0.01  # probability that a right distribution is refused; the seed is fixed, so a test that passes stays passed
 
 
 def campaign(cases=1000, **changes):

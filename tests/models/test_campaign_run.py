@@ -250,9 +250,7 @@ def test_a_full_disk_is_said_and_finished_chunks_stay(whole, tmp_path, monkeypat
     long = replace(TINY, stop=0.3, cases=8)
     resource.setrlimit(resource.RLIMIT_FSIZE, (most, limits[1]))  # a history does not fit, all else does
     try:
-        with pytest.raises(
-            campaigns.CampaignStoppedError, match=r"full\.zarr: File too large\. Finished chunks are kept"
-        ):
+        with pytest.raises(campaigns.CampaignStoppedError, match=r"full\.zarr: File too large\. Finished chunks are kept"):
             campaigns.run_campaign(long, path, workers=1)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)

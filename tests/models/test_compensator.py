@@ -27,9 +27,7 @@ any_pair = pytest.mark.parametrize("pair", PAIRS.values(), ids=PAIRS.keys())
 
 strains = st.floats(0.0, 1.0)
 # lattice points and end points are where the law bends
-special = st.one_of(
-    strains, st.sampled_from([0.0, 1.0, 0.125, 0.25, 0.5, 0.875]), st.integers(0, 32).map(lambda k: k / 32)
-)
+special = st.one_of(strains, st.sampled_from([0.0, 1.0, 0.125, 0.25, 0.5, 0.875]), st.integers(0, 32).map(lambda k: k / 32))
 histories = st.lists(special, min_size=1, max_size=25)
 
 

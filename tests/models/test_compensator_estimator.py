@@ -79,9 +79,7 @@ def test_a_short_fault_leaves_no_trace_and_is_flagged(estimator):
     faulty = output.copy()
     faulty[400:403] = 30.0
     expected = drive(start(estimator, noise=0.001), output)
-    results = simulate(
-        start(estimator, noise=0.001), np.full(600, 0.1), {"resistance": faulty}, ("strain", "saturated")
-    )
+    results = simulate(start(estimator, noise=0.001), np.full(600, 0.1), {"resistance": faulty}, ("strain", "saturated"))
     found, flags = results.values()
     assert 1.0 in flags[400 : 403 + M]
     assert flags[-1] == 0.0
@@ -162,9 +160,7 @@ def test_a_sharp_turning_point_is_found_where_it_was_passed(tau):
 
 
 @pytest.mark.parametrize("place", [M, 2 * M])
-@pytest.mark.parametrize(
-    ("slope", "kink"), [(0.1, 1e-6), (0.011, 4e-4)]
-)  # without a summit, with a round one: the prior
+@pytest.mark.parametrize(("slope", "kink"), [(0.1, 1e-6), (0.011, 4e-4)])  # without a summit, with a round one: the prior
 def test_a_parabola_passes_unchanged(place, slope, kink):
     t = np.arange(-M, M + 1.0)
     y = 0.3 + slope * t - 0.002 * t**2

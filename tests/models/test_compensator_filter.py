@@ -19,9 +19,7 @@ TRACKING = Tracking(output=ErrorModel(white=NOISE, slow=NOISE, time=5.0), rate=0
 
 
 def exponential(amplitude, **kind):
-    return RelaxationTerm(
-        amplitude=amplitude, power=0, rate=0.3, exponent=1.0, decay_rates=(0.3,), weights=(1.0,), **kind
-    )
+    return RelaxationTerm(amplitude=amplitude, power=0, rate=0.3, exponent=1.0, decay_rates=(0.3,), weights=(1.0,), **kind)
 
 
 GAINED = replace(

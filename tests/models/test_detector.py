@@ -9,13 +9,7 @@ from gossamer_models import ArtifactError, DataError, Stepper, simulate
 from gossamer_models.assessment import DetectorJudge
 from gossamer_models.assessment.figures import errors, thesis_errors
 from gossamer_models.batch import Batch
-from gossamer_models.detector import (
-    DetectorArtifact,
-    defuzzify,
-    detector_model,
-    packet_energies,
-    triangular_memberships,
-)
+from gossamer_models.detector import DetectorArtifact, defuzzify, detector_model, packet_energies, triangular_memberships
 from gossamer_models.detector.thesis_training import (
     LEVELS,
     PEAKS,
@@ -83,9 +77,7 @@ def test_windows_repeat_and_a_single_record_does_not(model):
 def test_shorter_communication_steps_sample_the_same_record(model, parts):
     """Between communication points strain is linear, so a piecewise linear record gives the same samples."""
     strains = np.random.default_rng(3).uniform(0.0, 0.3, (4, 40))
-    fine = np.array(
-        [np.interp(np.arange(1, 40 * parts + 1) / parts, np.arange(41), np.r_[0.0, row]) for row in strains]
-    )
+    fine = np.array([np.interp(np.arange(1, 40 * parts + 1) / parts, np.arange(41), np.r_[0.0, row]) for row in strains])
     coarse = run(model, strains, window_length=40 * STEP)[-1]
     assert run(model, fine, h=STEP / parts, window_length=40 * STEP)[-1] == pytest.approx(coarse, rel=1e-9)
 

@@ -111,9 +111,7 @@ def test_a_detector_of_another_structure_is_refused(trained, setup, tmp_path):
     with pytest.raises(ArtifactError, match="whose zone 1 is 'ring 1 sector 1', and here it is '1 of 1'"):
         read_judge(tmp_path / "dish.json", other)
     thicker = replace(setup, title="Another dish", regions=(replace(setup.regions[0], thickness=1e-4),))
-    with pytest.raises(
-        ArtifactError, match=r"trained for 'dish.inp', and this structure, 'Another dish', has other reg"
-    ):
+    with pytest.raises(ArtifactError, match=r"trained for 'dish.inp', and this structure, 'Another dish', has other reg"):
         read_judge(tmp_path / "dish.json", Mesh(setup=thicker).structure)
 
 

@@ -22,9 +22,7 @@ EVERYTHING = np.ones(TIME.size, dtype=bool)
 def fit(records, model, rows=EVERYTHING, rest_resistance=1000.0, full_scale=None, **chosen):
     records = records if isinstance(records, tuple) else (records,)
     settings = FractionalSettings(model=model, **chosen)
-    return fit_fractional(
-        records, (rows,) * len(records), settings, full_scale=full_scale, rest_resistance=rest_resistance
-    )
+    return fit_fractional(records, (rows,) * len(records), settings, full_scale=full_scale, rest_resistance=rest_resistance)
 
 
 def fit_specimen(model, **chosen):

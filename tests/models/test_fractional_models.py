@@ -12,18 +12,7 @@ from gossamer_models.modes import PowerLawKernels
 from gossamer_models.sensor import sensor_model
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from oracles.fractional import (
-    ALL,
-    DERIVATIVES,
-    INTEGRALS,
-    STRAIN,
-    TIME,
-    TURNED,
-    H,
-    derivative_sum,
-    integral_sum,
-    turned,
-)
+from oracles.fractional import ALL, DERIVATIVES, INTEGRALS, STRAIN, TIME, TURNED, H, derivative_sum, integral_sum, turned
 from scipy.integrate import quad, trapezoid
 from scipy.special import gamma
 from studies.operators import derivative, integral
@@ -145,9 +134,7 @@ def test_sub_model_1_runs_as_an_fmu(kind, tmp_path):
     if kind == "native":
         pytest.importorskip("ziglang", reason="native FMUs need the compiler ziglang")
     path = build_fmu(MODEL, tmp_path, native=kind == "native")
-    inputs = np.array(
-        list(zip(TIME + H, np.append(STRAIN[1:], 0.0), strict=True)), dtype=[("time", "f8"), ("strain", "f8")]
-    )
+    inputs = np.array(list(zip(TIME + H, np.append(STRAIN[1:], 0.0), strict=True)), dtype=[("time", "f8"), ("strain", "f8")])
     inputs["time"] -= H  # the strain at the end of each step is set at its start
     result = fmpy.simulate_fmu(
         str(path), stop_time=200.0, step_size=H, output_interval=H, input=inputs, output=["resistance"]
@@ -295,9 +282,7 @@ def test_long_after_the_start_a_sine_is_turned_and_scaled(order):
 def test_the_sum_of_exponentials_agrees_with_the_thesis_sums(u, order, h):
     for fast, plain in BOTH:
         exact = plain(u, h, order)[1:]
-        assert fast(u, h, order)[1:] == pytest.approx(
-            exact, abs=2e-6 * (np.abs(exact).max() + np.abs(u).max() * h**order)
-        )
+        assert fast(u, h, order)[1:] == pytest.approx(exact, abs=2e-6 * (np.abs(exact).max() + np.abs(u).max() * h**order))
 
 
 @settings(max_examples=25, deadline=None)

@@ -18,9 +18,7 @@ E, NU = 1e7, 0.33
 ORDERS = pytest.mark.parametrize("order", [1, 2, 3])
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
 # unit square of five distorted quadrilaterals around an inner one, the usual patch
-PATCH_CORNERS = np.array(
-    [[0, 0], [1, 0], [1, 1], [0, 1], [0.3, 0.2], [0.75, 0.3], [0.65, 0.7], [0.2, 0.6]], dtype=float
-)
+PATCH_CORNERS = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0.3, 0.2], [0.75, 0.3], [0.65, 0.7], [0.2, 0.6]], dtype=float)
 PATCH = np.array([[0, 1, 4, 5], [1, 2, 5, 6], [2, 3, 6, 7], [3, 0, 7, 4], [4, 5, 7, 6]])
 
 
@@ -32,9 +30,7 @@ class SingleElement:
         m = len(X)
         x, load = ca.SX.sym("x", 3, m), ca.SX.sym("load")
         D = E / (1.0 - NU**2)
-        element = geometry(
-            np.column_stack([X, np.zeros(m)])[None], order, "st_venant_kirchhoff", np.eye(3)[:1]
-        ).placed()
+        element = geometry(np.column_stack([X, np.zeros(m)])[None], order, "st_venant_kirchhoff", np.eye(3)[:1]).placed()
         at = element_points(tangents(ca.vertsplit(ca.vec(x.T), m), element), element, ca.DM(element.w), D, NU, load)
         f, wave = balance(at.P, at.load, element), D * at.wave
         energy = textbook.element_energy(x, X, E, NU)
@@ -51,9 +47,7 @@ def square(order):
 def patch(order):
     """The elements of the patch, its nodes, and the nodes of each element."""
     elements = [SingleElement(order, PATCH_CORNERS[corners]) for corners in PATCH]
-    nodes, places = np.unique(
-        np.round([element.X for element in elements], 12).reshape(-1, 2), axis=0, return_inverse=True
-    )
+    nodes, places = np.unique(np.round([element.X for element in elements], 12).reshape(-1, 2), axis=0, return_inverse=True)
     return elements, nodes, places.reshape(len(elements), -1)
 
 
@@ -78,9 +72,7 @@ def test_a_patch_of_distorted_elements_carries_a_homogeneous_state(order):
     inside = ((nodes > 0.0) & (nodes < 1.0)).all(axis=1)
     assert inside.sum() == {1: 4, 2: 17, 3: 40}[order]
     assert np.abs(f[inside]).max() < 1e-9 * E
-    right = f[nodes[:, 0] == 1.0].sum(axis=0) - f[nodes[:, 0] == 0.0].sum(
-        axis=0
-    )  # corners share top and bottom equally
+    right = f[nodes[:, 0] == 1.0].sum(axis=0) - f[nodes[:, 0] == 0.0].sum(axis=0)  # corners share top and bottom equally
     np.testing.assert_allclose(right, -2.0 * first_piola(F)[:, 0], atol=1e-12 * E)
 
 

@@ -7,17 +7,7 @@ import numpy as np
 import pytest
 from gossamer.descriptions import load_structure
 from gossamer_models import ConvergenceError, Stepper
-from gossamer_models.membrane import (
-    Gas,
-    Load,
-    Region,
-    Sensor,
-    Setup,
-    Support,
-    make_structure,
-    membrane_model,
-    surface_mesh,
-)
+from gossamer_models.membrane import Gas, Load, Region, Sensor, Setup, Support, make_structure, membrane_model, surface_mesh
 from gossamer_models.membrane.assembly import MembraneEquations
 from gossamer_models.membrane.newton import Newton
 from gossamer_models.mistakes import DescriptionError
@@ -94,9 +84,7 @@ def test_a_mesh_far_from_its_origin_starts():
         {"rim": lambda a, b, c: (np.abs(a - x - 0.5) > 0.5 - 1e-6) | (np.abs(b - y - 0.5) > 0.5 - 1e-6)},
     )
     load = (Load(name="pressure", start=1000.0),)
-    sags = [
-        started(file, regions=(FILM,), supports=RIM, loads=load)[1].get("displacement") for file in (sheet(8), away)
-    ]
+    sags = [started(file, regions=(FILM,), supports=RIM, loads=load)[1].get("displacement") for file in (sheet(8), away)]
     assert sags[1] == pytest.approx(sags[0], rel=1e-6)
 
 

@@ -60,9 +60,7 @@ def triangle(n, kind):
 def frequencies(file, order):
     """Return the lowest angular frequencies of transverse motion over the wave speed, from the linearised forces."""
     stress, modulus, nu, density, h = 1e6, 3e9, 0.3, 1400.0, 2e-5
-    film = Region(
-        youngs_modulus=modulus, poisson_ratio=nu, density=density, thickness=h, prestress=(stress, stress, 0.0)
-    )
+    film = Region(youngs_modulus=modulus, poisson_ratio=nu, density=density, thickness=h, prestress=(stress, stress, 0.0))
     structure = make_structure(
         Setup(order=order, regions=(film,), supports=(Support(group="rim"),)), surface_mesh(file, order)
     )

@@ -51,8 +51,4 @@ def test_places_follow_from_the_state_and_the_variables():
 
 def test_the_same_structure_gives_the_same_bytes():
     structure, model = sail(), sail_model()
-    assert (
-        membrane_shape(structure, model.variables)
-        == model.resources["shape.npz"]
-        == sail_model().resources["shape.npz"]
-    )
+    assert membrane_shape(structure, model.variables) == model.resources["shape.npz"] == sail_model().resources["shape.npz"]

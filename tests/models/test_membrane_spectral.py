@@ -32,9 +32,7 @@ def integral(degree):
 
 
 @pytest.mark.parametrize("n", range(2, 14))
-@pytest.mark.parametrize(
-    ("rule", "highest"), [(gauss_points, lambda n: 2 * n - 1), (lobatto_points, lambda n: 2 * n - 3)]
-)
+@pytest.mark.parametrize(("rule", "highest"), [(gauss_points, lambda n: 2 * n - 1), (lobatto_points, lambda n: 2 * n - 3)])
 def test_a_rule_is_exact_to_its_degree_and_no_further(rule, highest, n):
     points, weights = rule(n)
     for degree in range(highest(n) + 1):
@@ -137,9 +135,7 @@ def test_grid_points_on_nodes_are_those_nodes(model):
 
 def test_the_default_history_is_close_to_one_of_higher_order(model):
     """The whole study is docs/membrane.md: 1.5 % over 0.3 s against order 8. Here 1.0 % over 0.1 s."""
-    runs = [
-        simulate(started(each), 333 * [3e-4], {}, STRAINS) for each in (membrane(8), membrane(4, 4), membrane(4, 6))
-    ]
+    runs = [simulate(started(each), 333 * [3e-4], {}, STRAINS) for each in (membrane(8), membrane(4, 4), membrane(4, 6))]
     bilinear, default, finer = (np.array([run[name] for name in STRAINS]) - 0.012 / 0.588 for run in runs)
     assert relative(default, finer) < 0.012
     assert relative(bilinear, finer) > 5.0 * relative(default, finer)

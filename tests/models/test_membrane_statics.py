@@ -47,9 +47,7 @@ def test_a_soft_film_under_a_small_load_deflects_as_in_closed_form(stress, press
     E. Obermeier, Journal of Microelectromechanical Systems 4(4), 238-241, 1995, doi:10.1109/84.475551, good to 3 %.
     """
     L, h, modulus, nu = 10.0, 2.5e-6, 2.5e9, 0.34
-    film = Region(
-        youngs_modulus=modulus, poisson_ratio=nu, density=1400.0, thickness=h, prestress=(stress, stress, 0.0)
-    )
+    film = Region(youngs_modulus=modulus, poisson_ratio=nu, density=1400.0, thickness=h, prestress=(stress, stress, 0.0))
     file, load = meshed([rectangle(L, L)], n, points=rim(L)), Load(name="pressure", start=pressure)
     w = started(file, regions=(film,), supports=RIM, loads=(load,))[2][:, 2].max()
     linear, stiffening = (
@@ -105,9 +103,7 @@ def inflated_tube(n, kind, order, load="pressure"):
 
     def balance(stretch):
         hoop, axial = (stretch**2 - 1.0) / 2.0
-        pushed = (
-            p * radius * (np.prod(stretch) if load == "pressure" else 1.0)
-        )  # on the current area or on the reference's
+        pushed = p * radius * (np.prod(stretch) if load == "pressure" else 1.0)  # on the current area or on the reference's
         return [D * (hoop + NU * axial) * stretch[0] - pushed, D * (axial + NU * hoop) * stretch[1] - tension]
 
     around, along = fsolve(balance, [1.04, 1.02], xtol=1e-13)

@@ -14,15 +14,12 @@ PRESSURE = np.array([0.0, 50.0, 100.0, 200.0, 300.0, 400.0])
 
 def film(order):
     sensors = tuple(
-        Sensor(point=(x, y, 0.0), direction=(1.0, float(k % 2), 0.0), gauge_length=0.05)
-        for k, (x, y) in enumerate(PLACES)
+        Sensor(point=(x, y, 0.0), direction=(1.0, float(k % 2), 0.0), gauge_length=0.05) for k, (x, y) in enumerate(PLACES)
     )
     setup = Setup(
         regions=(FILM,), supports=(Support(group="rim"),), zones=(Zone(grid=(2, 2)),), sensors=sensors, order=order
     )
-    return make_structure(
-        setup, surface_mesh(meshed([rectangle(1.0, 1.0)], 6 if order == 1 else 4, edges=EDGES), order)
-    )
+    return make_structure(setup, surface_mesh(meshed([rectangle(1.0, 1.0)], 6 if order == 1 else 4, edges=EDGES), order))
 
 
 def record(structure, damage, noise, seed=0):
@@ -54,9 +51,7 @@ def errors(coarse):
 def test_the_share_is_what_finer_meshes_change(coarse, errors):
     found = errors.of(record(coarse, np.zeros(4), 1e-5))
     still = coarse.finer().finer()
-    one, two = (
-        MembraneForward(each).states(np.zeros((1, 4)), {}, {"pressure": PRESSURE})[0] for each in (coarse, still)
-    )
+    one, two = (MembraneForward(each).states(np.zeros((1, 4)), {}, {"pressure": PRESSURE})[0] for each in (coarse, still))
     moving = [y - y.mean(axis=1, keepdims=True) for y in (one, two - one)]
     assert found.share == pytest.approx(np.sqrt(np.mean(moving[1] ** 2) / np.mean(moving[0] ** 2)), rel=1e-3)
     assert 0.15 < found.left < 0.6  # bilinear strain converges with the first to second power of the size

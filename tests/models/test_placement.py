@@ -17,8 +17,7 @@ from scipy.stats import norm
 
 ELEMENTS, ORDER, STEP, STOP = 4, 1, 3e-4, 0.15
 LOAD = {
-    name: asdict(membrane.MembraneParams())[name]
-    for name in ("pressure_amplitude", "pressure_frequency", "pressure_phase")
+    name: asdict(membrane.MembraneParams())[name] for name in ("pressure_amplitude", "pressure_frequency", "pressure_phase")
 }
 MIRRORED = np.arange(16).reshape(4, 4)[:, ::-1].ravel()  # zones after x is turned round
 
@@ -191,9 +190,7 @@ def test_candidates_on_a_tilted_sheet_of_triangles_lie_in_it():
         edges={},
         points={"corners": np.arange(4)},
     )
-    steel = membrane.Region(
-        youngs_modulus=2e11, poisson_ratio=0.3, density=7800.0, thickness=1e-3, direction=tuple(normal)
-    )
+    steel = membrane.Region(youngs_modulus=2e11, poisson_ratio=0.3, density=7800.0, thickness=1e-3, direction=tuple(normal))
     setup = membrane.Setup(
         regions=(steel,), supports=(membrane.Support(group="corners"),), zones=(membrane.Zone(group="all"),)
     )
@@ -227,9 +224,7 @@ def test_what_no_sensor_tells_is_said_in_words():
         "Zones 2 (b), 3 (c) can only be told together wherever sensors are: merge them, or load it in another way."
     ]
     third = np.diag([0.0, 0.0, 1e4])
-    assert (
-        "by the chosen sensors: merge them, or add a sensor at (0.392, 0.196, 0) m." in told(np.array([pair, third]))[0]
-    )
+    assert "by the chosen sensors: merge them, or add a sensor at (0.392, 0.196, 0) m." in told(np.array([pair, third]))[0]
     assert told(np.diag([1e4, 1e4, 1e4])[None]) == []
 
 

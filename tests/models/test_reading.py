@@ -16,9 +16,7 @@ OHM = 1000.0 + 2000.0 * STRAIN
 
 
 def write(path, header="time,strain,resistance", rows=None, change=None):
-    rows = (
-        [[f"{t:.6g}", f"{s:.9g}", f"{r:.9g}"] for t, s, r in zip(T, STRAIN, OHM, strict=True)] if rows is None else rows
-    )
+    rows = [[f"{t:.6g}", f"{s:.9g}", f"{r:.9g}"] for t, s, r in zip(T, STRAIN, OHM, strict=True)] if rows is None else rows
     if change is not None:
         change(rows)
     path.write_text(header + "\n" + "\n".join(",".join(row) for row in rows) + "\n")

@@ -133,9 +133,7 @@ def test_a_unit_that_is_none_or_contradicts_is_refused(tmp_path, header, below, 
 def test_of_two_resistances_one_must_be_named(tmp_path):
     header = "t_s,strain,R_inner_ohm,R_outer_ohm"
     text = text_of(header, ohm=[f"{r:.10g},{2 * r:.10g}" for r in OHM])
-    with pytest.raises(
-        DataError, match=r"2 columns may be the resistance: R_inner_ohm, R_outer_ohm\. Name one \(--resis"
-    ):
+    with pytest.raises(DataError, match=r"2 columns may be the resistance: R_inner_ohm, R_outer_ohm\. Name one \(--resis"):
         read(tmp_path, text)
     found = read(tmp_path, text, Columns(resistance="R_outer_ohm"))
     assert found.resistance == pytest.approx(2 * OHM)
@@ -211,9 +209,7 @@ def test_a_comment_above_other_text_is_no_header_whatever_units_are_stated(tmp_p
         read(tmp_path, text, units)
 
 
-@pytest.mark.parametrize(
-    "below", ["s,%,kOhm,°C", "# by hand\ns,[%],kOhm,", "s,%,kOhm,N/mm²\n--,--,--,--\n0,nan,nan,20"]
-)
+@pytest.mark.parametrize("below", ["s,%,kOhm,°C", "# by hand\ns,[%],kOhm,", "s,%,kOhm,N/mm²\n--,--,--,--\n0,nan,nan,20"])
 def test_a_comment_above_units_and_samples_without_values_is_the_header(tmp_path, below):
     ohm = [f"{r:.10g},20" for r in 1e-3 * OHM]
     record = same(read(tmp_path, text_of("# time,strain,R,other", T, 100 * STRAIN, ohm, below=below)))
@@ -242,14 +238,10 @@ def test_elapsed_time_and_elongation_are_recognised(tmp_path, header):
     same(read(tmp_path, text_of(header)))
 
 
-@pytest.mark.parametrize(
-    "header", ["time_s,elongation [mm],R_ohm", "time_s,strain_mm,R_ohm", "time_s,Dehnung / µm,R_ohm"]
-)
+@pytest.mark.parametrize("header", ["time_s,elongation [mm],R_ohm", "time_s,strain_mm,R_ohm", "time_s,Dehnung / µm,R_ohm"])
 def test_a_displacement_is_no_strain_and_the_remedy_is_said(tmp_path, header):
     remedy = "divide it by the gauge length first, and write the ratio"
-    with pytest.raises(
-        DataError, match=rf"line 1: '.m' in '.*' is not a unit of strain\. That is a displacement: {remedy}"
-    ):
+    with pytest.raises(DataError, match=rf"line 1: '.m' in '.*' is not a unit of strain\. That is a displacement: {remedy}"):
         read(tmp_path, text_of(header))
     with pytest.raises(DataError, match=f"'mm' is not a unit of strain. .*{remedy}"):
         read(tmp_path, text_of("time_s,strain,R_ohm"), Columns(strain_unit="mm"))
@@ -278,9 +270,7 @@ def test_a_date_is_the_time_only_with_the_time_of_day_and_where_no_other_column_
         DataError, match=r"line 2: column 'date' holds dates without times of day, 1 for 40 samples\. Name one"
     ):
         read(tmp_path, text_of("date,strain,R_ohm", ["2024-05-31"] * 40))
-    with pytest.raises(
-        DataError, match=r"column 'Date' holds numbers, which may be days\. State the unit \(--time-unit\)"
-    ):
+    with pytest.raises(DataError, match=r"column 'Date' holds numbers, which may be days\. State the unit \(--time-unit\)"):
         read(tmp_path, text_of("Date,strain,R_ohm", 45443.5 + T))
 
 
@@ -297,9 +287,7 @@ def test_times_of_day_are_read_and_other_dates_refused_for_what_they_are(tmp_pat
     same(
         read(
             tmp_path,
-            text_of(
-                "time,strain,R_ohm", [f"10:59:{57 + t:06.3f}"[:12] if t < 3 else f"11:00:{t - 3:06.3f}" for t in T]
-            ),
+            text_of("time,strain,R_ohm", [f"10:59:{57 + t:06.3f}"[:12] if t < 3 else f"11:00:{t - 3:06.3f}" for t in T]),
         )
     )
     dates = [f"31.05.2024 12:00:{t:04.1f}" for t in T]
@@ -317,10 +305,7 @@ def test_marks_that_contradict_each_other_are_refused(tmp_path):
     with pytest.raises(DataError, match=r"'1\.000,5' marks thousands"):
         read(
             tmp_path,
-            text_of("time_s;strain;R_ohm", ohm=["1.000,5"] * 40)
-            .replace(",5", "#")
-            .replace(",", ";")
-            .replace("#", ",5"),
+            text_of("time_s;strain;R_ohm", ohm=["1.000,5"] * 40).replace(",5", "#").replace(",", ";").replace("#", ",5"),
         )
 
 

@@ -45,9 +45,7 @@ def stored(tmp_path):
 
 def write(path, r):
     rows = zip(r.time, r.strain, r.resistance, strict=True)
-    path.write_text(
-        "t_s,strain [1],R_ohm\n" + "".join(f"{t!r},{s!r},{y!r}\n" for t, s, y in np.array([*rows]).tolist())
-    )
+    path.write_text("t_s,strain [1],R_ohm\n" + "".join(f"{t!r},{s!r},{y!r}\n" for t, s, y in np.array([*rows]).tolist()))
     return path
 
 
@@ -173,9 +171,7 @@ def test_a_deviation_far_below_the_error_and_strain_at_a_limit_are_said_in_words
         "r.csv: the deviation that filter states is 0.25 of the true one: 20 % of the errors leave the band of ± 2 "
         "deviations; 5 % would be right."
     )
-    few = replace(
-        found, strain=measured.strain + np.where(np.arange(off.size) % 50 == 0, 0.2, 0.001)
-    )  # wide enough a band
+    few = replace(found, strain=measured.strain + np.where(np.arange(off.size) % 50 == 0, 0.2, 0.001))  # wide enough a band
     assert replace(judged, recovered={"filter": few}).too_sure() == ()
     everything, flat = np.ones(off.size, dtype=bool), np.where(off > 0.02, 0.0, measured.strain)
     clipped = clipped_strain(measured, Recovered(strain=flat, present=flat), FULL, everything)
@@ -207,9 +203,7 @@ def test_a_record_is_judged_up_to_the_first_strain_beyond_full_scale_and_it_is_s
     strain = measured.strain.copy()
     strain[400:403] = 1.02 * FULL
     shown = []
-    (judged,) = judge_files(
-        stored, [write(tmp_path / "r.csv", replace(measured, strain=strain))], recognised=shown.extend
-    )
+    (judged,) = judge_files(stored, [write(tmp_path / "r.csv", replace(measured, strain=strain))], recognised=shown.extend)
     assert judged.record.time.size == judged.predicted.size == judged.recovered["inverse"].strain.size == 400
     assert judged.forward(judged.first) < 1e-6
     said = f"only the 400 of {strain.size} samples before line 402 are judged: strain reaches 0.204 there, beyond"
@@ -250,9 +244,7 @@ def test_what_cannot_be_judged_is_refused_by_name(measured, stored, tmp_path):
     with pytest.raises(ArtifactError, match="does not say the scales of its record"):
         judge_files(tmp_path / "signal.json", [path])
     term = FractionalTerm(coefficient=0.1, order=0.3)
-    other = FractionalArtifact(
-        model="sub-model-1", direct=0.4, terms=(term,), full_scale_strain=0.1, resistance_change=5.0
-    )
+    other = FractionalArtifact(model="sub-model-1", direct=0.4, terms=(term,), full_scale_strain=0.1, resistance_change=5.0)
     other.write(tmp_path / "fractional.json")
     with pytest.raises(ArtifactError, match="holds a fractional model, which recovers no strain"):
         judge_files(tmp_path / "fractional.json", [path])

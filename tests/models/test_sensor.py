@@ -99,9 +99,7 @@ def test_a_rate_independent_sensor_ignores_the_step(history, h):
 
 
 @settings(max_examples=40, deadline=None)
-@given(
-    history=histories, end=strains, cuts=st.lists(st.floats(0.01, 0.99), min_size=1, max_size=6), h=st.floats(1e-4, 1e3)
-)
+@given(history=histories, end=strains, cuts=st.lists(st.floats(0.01, 0.99), min_size=1, max_size=6), h=st.floats(1e-4, 1e3))
 def test_a_ramp_may_be_cut_into_any_steps(history, end, cuts, h):
     for model in (RELAXING, DEFAULT):
         whole, parts = start(model), start(model)
@@ -209,8 +207,7 @@ def test_phi_functions_do_not_cancel(x):
     found = [float(value) for value in f(x)]
     cut = min(1.0, 40.0 / x)
     expected = [
-        quad(g, 0.0, cut, epsabs=0, epsrel=1e-13)[0]
-        for g in (lambda r: np.exp(-x * r), lambda r: (1 - r) * np.exp(-x * r))
+        quad(g, 0.0, cut, epsabs=0, epsrel=1e-13)[0] for g in (lambda r: np.exp(-x * r), lambda r: (1 - r) * np.exp(-x * r))
     ]
     assert found == pytest.approx(expected, rel=2e-13)
 

@@ -33,9 +33,7 @@ def test_modes_driven_by_falling_strain_solve_their_differential_equation():
     exact = [0.0]
     for i in range(strain.size - 1):
         exact.append(solve_ivp(slope, (i * h, (i + 1) * h - 1e-12), [exact[-1]], rtol=1e-11, atol=1e-13).y[0, -1])
-    constant, linear = (
-        relaxed(h * np.arange(strain.size), strain, np.array([rate]), (drive,))[:, 0] for drive in FALLING
-    )
+    constant, linear = (relaxed(h * np.arange(strain.size), strain, np.array([rate]), (drive,))[:, 0] for drive in FALLING)
     found = g * constant + k * linear
     assert found == pytest.approx(exact, abs=1e-9)
 
@@ -43,9 +41,7 @@ def test_modes_driven_by_falling_strain_solve_their_differential_equation():
 @pytest.mark.parametrize("signed", [False, True])
 def test_a_sensor_whose_relaxation_falling_strain_drives_may_be_cut_into_any_steps(signed):
     terms = [
-        RelaxationTerm(
-            amplitude=a, power=p, rate=b, exponent=1.0, decay_rates=(b,), weights=(1.0,), drive=d, signed=signed
-        )
+        RelaxationTerm(amplitude=a, power=p, rate=b, exponent=1.0, decay_rates=(b,), weights=(1.0,), drive=d, signed=signed)
         for a, p, b, d in (
             (0.05, 0, 0.5, "falling"),
             (0.1, 1, 2.0, "falling"),
@@ -75,9 +71,7 @@ def test_an_extended_artifact_is_read_back(tmp_path):
     path = tmp_path / "sensor.json"
     default_artifact().write(path)
     assert '"version": 1' in path.read_text()
-    inverse = DirectInverse(
-        law=replace(default_artifact(), provenance={}), lowest=0.0, highest=1.0, offset=0.1, scale=0.8
-    )
+    inverse = DirectInverse(law=replace(default_artifact(), provenance={}), lowest=0.0, highest=1.0, offset=0.1, scale=0.8)
     term = replace(default_artifact().relaxation[0], amplitude=-0.01, drive="falling", signed=True)
     extended = replace(default_artifact(), relaxation=(term,), inverse=inverse)
     extended.write(path)
@@ -271,9 +265,7 @@ def test_a_network_that_is_not_complete_is_refused():
 def test_the_sensor_with_a_network_is_the_sensor_plus_its_correction():
     """Where the network's features leave its range, the sensor is the one without, to the bit."""
     narrow = replace(small(7 + 18), highest=(1e-9,) * 24)
-    steppers = [
-        Stepper(sensor_model(a), **UNIT) for a in (default_artifact(), replace(default_artifact(), residual=narrow))
-    ]
+    steppers = [Stepper(sensor_model(a), **UNIT) for a in (default_artifact(), replace(default_artifact(), residual=narrow))]
     for stepper in steppers:
         stepper.initialize()
     for strain in (0.3, 0.7, 0.5):

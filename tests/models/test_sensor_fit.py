@@ -95,9 +95,7 @@ def test_what_a_fit_predicts_is_what_its_sensor_gives_however_slow_the_record_is
     size = np.ptp(known.resistance)
     found = {}
     for h in (1.0, scale):
-        found[h] = fit_preisach(
-            (replace(known, time=h * known.time),), rows, QUICK, full_scale=1.0, rest_resistance=100.0
-        )
+        found[h] = fit_preisach((replace(known, time=h * known.time),), rows, QUICK, full_scale=1.0, rest_resistance=100.0)
     fit = found[scale]
     assert predict_resistance(fit, record) == pytest.approx(fit.predicted[0], abs=1e-9 * size)
     assert fit.predicted[0] == pytest.approx(found[1.0].predicted[0], abs=1e-3 * size)  # time has no scale of its own

@@ -117,9 +117,9 @@ def test_a_gain_and_a_phase_are_found_with_the_damage(forward):
 
 def test_an_unknown_pressure_is_found_with_the_damage(forward):
     """The twin's own load is off; all of the pressure, 10 kPa at 7.9 Hz, is unknown."""
-    answer = Twin(
-        square_structure(*MESH, params=MembraneParams(pressure_phase=np.pi / 3)), nuisances=("pressure",)
-    ).fit(ResponseRecord(step=STEP, values=strain(forward, TWO)[:, :300], noise=1e-3))
+    answer = Twin(square_structure(*MESH, params=MembraneParams(pressure_phase=np.pi / 3)), nuisances=("pressure",)).fit(
+        ResponseRecord(step=STEP, values=strain(forward, TWO)[:, :300], noise=1e-3)
+    )
     assert answer.valid
     np.testing.assert_allclose(answer.damage, TWO, atol=0.03)
 
@@ -365,8 +365,7 @@ def test_what_the_learned_error_does_not_cover_is_neither_compared_nor_simulated
     twin = Twin(SQUARE, discrepancy=none)
     values = strain(forward, TWO, 0.02)
     whole, beginning = (
-        twin.fit(ResponseRecord(step=STEP, values=part, noise=NOISE))
-        for part in (values, values[:, : round(length / STEP)])
+        twin.fit(ResponseRecord(step=STEP, values=part, noise=NOISE)) for part in (values, values[:, : round(length / STEP)])
     )
     assert whole.valid
     assert (whole.damage == beginning.damage).all()

@@ -3,16 +3,7 @@
 import numpy as np
 import pytest
 from gossamer_models import DataError, ParameterError
-from gossamer_models.membrane import (
-    Load,
-    Region,
-    Sensor,
-    Setup,
-    Support,
-    Zone,
-    make_structure,
-    surface_mesh,
-)
+from gossamer_models.membrane import Load, Region, Sensor, Setup, Support, Zone, make_structure, surface_mesh
 from gossamer_models.membrane.portable import read_structure, structure_text
 from gossamer_models.sensor import default_artifact
 from gossamer_models.twin import MembraneForward, ResponseRecord, StaticRecord, Twin, Watch, read_table
@@ -226,9 +217,7 @@ def test_loads_of_a_table_are_in_the_units_of_the_membrane(dish, tmp_path):
     assert record.samples == 100
     assert record.start == {"pressure": -500.0}
     assert record.inputs["pressure"][:2] == pytest.approx([-501.0, -502.0])
-    from_rest = read_table(
-        write(tmp_path / "r.csv", [row[2:] for row in rows[1:]], head), structure=dish, begins="rest"
-    )
+    from_rest = read_table(write(tmp_path / "r.csv", [row[2:] for row in rows[1:]], head), structure=dish, begins="rest")
     assert (from_rest.samples, from_rest.start) == (100, {})
 
 

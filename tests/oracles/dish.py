@@ -33,8 +33,7 @@ def dish_setup(file, **values):
         zones=(Zone(rings=(0.5,), sectors=(1, 4), name="ring {ring} sector {sector}"),),
         loads=(Load(name="pressure", start=-500.0),),
         sensors=tuple(
-            Sensor(point=(x, y, z), direction=(y, -x, 0.0) if k % 2 else (x, y, 0.0))
-            for k, (x, y, z) in enumerate(points)
+            Sensor(point=(x, y, z), direction=(y, -x, 0.0) if k % 2 else (x, y, 0.0)) for k, (x, y, z) in enumerate(points)
         ),
         **values,
     )

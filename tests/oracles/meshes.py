@@ -128,9 +128,7 @@ def thesis_square(n, order, **changes):
     """Return the square of the thesis as any other membrane: a mesh from its corner, whose numbers are none of its table."""
     side, stretch = 0.588, 1.0 + 2.0 * 0.006 / 0.588
     zones = {
-        f"zone{4 * j + i + 1}": (
-            lambda x, y, z, i=i, j=j: (np.floor(4.0 * x / side) == i) & (np.floor(4.0 * y / side) == j)
-        )
+        f"zone{4 * j + i + 1}": (lambda x, y, z, i=i, j=j: (np.floor(4.0 * x / side) == i) & (np.floor(4.0 * y / side) == j))
         for j in range(4)
         for i in range(4)
     }

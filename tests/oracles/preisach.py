@@ -8,9 +8,7 @@ UNIT = {"rest_resistance": 0.0, "full_scale_resistance_change": 1.0, "full_scale
 
 
 def term(amplitude=0.1, power=0, decay_rates=(0.1, 1.0, 10.0), weights=(0.3, 0.4, 0.3)):
-    return RelaxationTerm(
-        amplitude=amplitude, power=power, rate=1.0, exponent=1.0, decay_rates=decay_rates, weights=weights
-    )
+    return RelaxationTerm(amplitude=amplitude, power=power, rate=1.0, exponent=1.0, decay_rates=decay_rates, weights=weights)
 
 
 def artifact(n_lines=8, eta=1.0, relaxation=(), seed=1, spring=0.3):

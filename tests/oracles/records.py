@@ -26,6 +26,4 @@ def everything(r):
 
 def fit_like(artifact):
     """Stand in for a fit where only its artifact and its scales are looked at."""
-    return type(
-        "Fit", (), {"artifact": artifact, "full_scale": 1.0, "rest_resistance": 0.0, "resistance_change": 1.0}
-    )()
+    return type("Fit", (), {"artifact": artifact, "full_scale": 1.0, "rest_resistance": 0.0, "resistance_change": 1.0})()

@@ -31,9 +31,7 @@ def solve_newton(system, arguments, q, tolerance, what, max_iterations=25):
             return q
         if not np.isfinite(change):
             break
-    msg = (
-        f"{what} did not converge: last correction {change:.3e} > {tolerance:.3e} within {max_iterations} iterations. "
-    )
+    msg = f"{what} did not converge: last correction {change:.3e} > {tolerance:.3e} within {max_iterations} iterations. "
     msg += "Raise the prestress, or take more load steps or shorter time steps."
     raise ConvergenceError(msg)
 

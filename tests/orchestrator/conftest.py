@@ -47,9 +47,7 @@ def fmus(tmp_path_factory: pytest.TempPathFactory) -> Path:
         with contextlib.redirect_stdout(io.StringIO()):
             FmuBuilder.build_FMU(script, dest=folder / f"{name}.fmu", canGetAndSetFMUstate=True)
     detector = folder / "detector.fmu"
-    rewrite(
-        detector.rename(folder / "toy_detector.fmu"), detector, lambda xml: xml.replace("ToyDetector", "detector", 1)
-    )
+    rewrite(detector.rename(folder / "toy_detector.fmu"), detector, lambda xml: xml.replace("ToyDetector", "detector", 1))
     rewrite(folder / "clock.fmu", folder / "delay.fmu", _without_feedthrough)
     rewrite(folder / "integrator.fmu", folder / "forgetful.fmu", _without_state)
     rewrite(folder / "gain.fmu", folder / "pascal.fmu", with_unit("y", "Pa", 'kg="1" m="-1" s="-2"'))
@@ -126,9 +124,7 @@ def chain() -> Callable[..., Scenario]:
 
 
 @pytest.fixture(autouse=True)
-def no_temporary_files_remain(
-    tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[None]:
+def no_temporary_files_remain(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Every test must leave no unpacked FMU behind."""
     folder = tmp_path_factory.mktemp("tmp")
     monkeypatch.setattr("tempfile.tempdir", str(folder))

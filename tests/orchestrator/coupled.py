@@ -115,9 +115,7 @@ def description(name: str) -> str:
 
 def build(name: str, folder: Path) -> Path:
     """Compile one of them for this machine."""
-    source = (
-        SOURCE + SAVED + KINDS[name][0] + "".join(f"EXPORT int {unused}(void) {{ return 3; }}\n" for unused in UNUSED)
-    )
+    source = SOURCE + SAVED + KINDS[name][0] + "".join(f"EXPORT int {unused}(void) {{ return 3; }}\n" for unused in UNUSED)
     library = f"{name}{fmpy.sharedLibraryExtension}"
     binary = compile_shared({"it.c": source.encode()}, "it.c", library, ["-Wno-everything"], f"the test FMU {name}")
     path = folder / f"{name}.fmu"

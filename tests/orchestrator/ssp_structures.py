@@ -43,9 +43,7 @@ def real(name: str, value: float, unit: str = "") -> str:
 
 
 def bindings(content: str, source: str = "", inside: str = "") -> str:
-    content = (
-        f"<ParameterValues>{content.replace('ssv:', 'v:').replace(':ssv', ':v')}</ParameterValues>" if content else ""
-    )
+    content = f"<ParameterValues>{content.replace('ssv:', 'v:').replace(':ssv', ':v')}</ParameterValues>" if content else ""
     return f"<ParameterBindings><ParameterBinding{source}>{content}{inside}</ParameterBinding></ParameterBindings>"
 
 

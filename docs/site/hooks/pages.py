@@ -56,9 +56,7 @@ def api() -> dict[str, str]:
         names = public_names(package)
         if names:
             dotted = ".".join(package.relative_to(ROOT).parts[1:])
-            found[dotted] = f"# {dotted}\n\n::: {dotted}\n{ALONE}" + "".join(
-                f"\n::: {dotted}.{name}\n" for name in names
-            )
+            found[dotted] = f"# {dotted}\n\n::: {dotted}\n{ALONE}" + "".join(f"\n::: {dotted}.{name}\n" for name in names)
     return found
 
 

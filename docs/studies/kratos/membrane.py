@@ -84,9 +84,7 @@ def main() -> None:
     part = model_part(model, problem)
     moving = Kratos.ResidualBasedBossakDisplacementScheme(0.0)  # Newmark's, of the average acceleration
     scheme = moving if step else Kratos.ResidualBasedIncrementalUpdateStaticScheme()
-    solver = Kratos.LinearSolverFactory().Create(
-        Kratos.Parameters('{"solver_type": "LinearSolversApplication.sparse_lu"}')
-    )
+    solver = Kratos.LinearSolverFactory().Create(Kratos.Parameters('{"solver_type": "LinearSolversApplication.sparse_lu"}'))
     strategy = Kratos.ResidualBasedNewtonRaphsonStrategy(
         part,
         scheme,

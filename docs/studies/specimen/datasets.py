@@ -143,9 +143,7 @@ def random_reversals(samples: int = 4001, *, seed: int = 55) -> Dataset:
     while corners[-1] < time[-1]:
         turns.append(rng.uniform(0.0, STRAIN_1))
         corners.append(corners[-1] + abs(turns[-1] - turns[-2]) / rng.uniform(SLOWEST, FASTEST))
-    text = (
-        f"SYNTHETIC: random reversals between 0 and {STRAIN_1:.1%} at {SLOWEST:.2%}/s to {FASTEST:.2%}/s, seed {seed}"
-    )
+    text = f"SYNTHETIC: random reversals between 0 and {STRAIN_1:.1%} at {SLOWEST:.2%}/s to {FASTEST:.2%}/s, seed {seed}"
     strain = np.interp(time, corners, turns)
     return _measure("Random reversals (synthetic)", text, time, strain, train_until=time[-1] / 2, seed=seed)
 

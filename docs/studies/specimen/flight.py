@@ -52,9 +52,7 @@ def calibrated_sensor() -> tuple[SensorArtifact, float]:
     lines = np.arange(time.size, dtype=int) + 2
     record = Record(name="calibration (synthetic)", time=time, strain=whole, resistance=resistance, lines=lines)
     train = np.arange(time.size) < MOUNTED.size + TRAINED
-    fit = fit_preisach(
-        (record,), (train,), PreisachSettings.of("preisach", ridge="auto"), rest_resistance=resistance[0]
-    )
+    fit = fit_preisach((record,), (train,), PreisachSettings.of("preisach", ridge="auto"), rest_resistance=resistance[0])
     return fit.artifact, fit.errors[1].nrmse
 
 

@@ -198,9 +198,7 @@ def read_columns(
         columns = choose(table.header, table.header_line)
         width, text = len(table.header), next((c.place for c in columns if c.what == "text"), None)
         read = [
-            (c, array("d"), numbers.read_time if c.what == "time" else numbers.read)
-            for c in columns
-            if c.what != "text"
+            (c, array("d"), numbers.read_time if c.what == "time" else numbers.read) for c in columns if c.what != "text"
         ]
         with path.open(encoding=table.encoding, newline="") as file:
             for k, (line, row) in enumerate(rows_of(table, file)):
@@ -224,9 +222,7 @@ def read_columns(
                     if not math.isfinite(value):
                         unread = unread or row
                         if unreadable != "kept":
-                            _check_gap(
-                                path, line, row[c.place], value, c, allowed=unreadable == "gap" and c.what != "time"
-                            )
+                            _check_gap(path, line, row[c.place], value, c, allowed=unreadable == "gap" and c.what != "time")
     except (OSError, UnicodeError, csv.Error) as error:
         msg = f"cannot read {path}: {reason(error)}. Name a CSV file with a header line."
         raise DataError(msg) from error

@@ -94,9 +94,7 @@ class Numbers:
 
     def _with_comma(self, cell: str, line: int) -> float:
         if THOUSANDS.fullmatch(cell):
-            msg = (
-                f"{self.path}, line {line}: {cell!r} marks thousands. Write numbers with one decimal mark and no other."
-            )
+            msg = f"{self.path}, line {line}: {cell!r} marks thousands. Write numbers with one decimal mark and no other."
             raise DataError(msg)
         if cell.count(",") != 1:
             return math.nan
@@ -140,9 +138,7 @@ class Numbers:
         return _seconds(stamp) - _seconds(self.clock)
 
     def _refuse_mixture(self, line: int) -> None:
-        msg = (
-            f"{self.path}, line {line}: the times above are of another kind. Write all as numbers or all as timestamps."
-        )
+        msg = f"{self.path}, line {line}: the times above are of another kind. Write all as numbers or all as timestamps."
         raise DataError(msg)
 
 

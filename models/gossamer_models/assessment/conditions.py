@@ -71,9 +71,7 @@ def plan_of_square(mesh: campaigns.Mesh | None = None, stop: float = 0.3) -> cam
     return campaigns.CampaignPlan(cases=1, stop=stop, membrane=mesh or campaigns.Mesh(), noise=THESIS_NOISE)
 
 
-def conditions(
-    plan: campaigns.CampaignPlan, other: campaigns.Mesh | None, cases: int, *, seed: int = 10
-) -> list[Condition]:
+def conditions(plan: campaigns.CampaignPlan, other: campaigns.Mesh | None, cases: int, *, seed: int = 10) -> list[Condition]:
     """List the conditions of an assessment, apart from those of the probability of detection.
 
     Parameters

@@ -95,9 +95,7 @@ def _symbol(found: AssessmentResults, judge: str) -> str:
     return "diamond" if judge == ZERO or judges.index(judge) < len(COLORS) else "square"
 
 
-def _by_condition(
-    found: AssessmentResults, title: str, x: str, values: dict[tuple[str, str], Any], note: str = ""
-) -> Chart:
+def _by_condition(found: AssessmentResults, title: str, x: str, values: dict[tuple[str, str], Any], note: str = "") -> Chart:
     """Draw numbers, or shares with their bounds, of every judge and condition; a line of the chart is a condition."""
     conditions = [c for c in dict.fromkeys(row.condition for row in found.rows) if any(c == key[1] for key in values)]
     traces = []

@@ -185,8 +185,7 @@ def read_assessment(folder: Path) -> AssessmentResults:
             zone_names=card["zone_names"],
             rows=[Row(**{**_numbers(row), "figures": _figures(row["figures"])}) for row in card["rows"]],
             detections=[
-                DetectionRow(**{**_numbers(row), "false_calls": Share(*row["false_calls"])})
-                for row in card["detections"]
+                DetectionRow(**{**_numbers(row), "false_calls": Share(*row["false_calls"])}) for row in card["detections"]
             ],
             confusions=[ConfusionRow(**row) for row in card["confusions"]],
             tables=[TableRow(**row) for row in card["tables"]],

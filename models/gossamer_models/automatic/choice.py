@@ -234,9 +234,7 @@ def choose_compensator(
     # the direct inverse takes a fraction of a second, and is often better than the only filter that there was time for
     first = [methods[0], direct]
     order = first + [method for method in methods if method not in first]
-    found = bench.best(
-        "compensator", order, lambda m: m.text, [judge], until=until, share=(0.7, 0.95), surely=len(first)
-    )
+    found = bench.best("compensator", order, lambda m: m.text, [judge], until=until, share=(0.7, 0.95), surely=len(first))
     if not found:
         raise nothing_fitted()
     close = [method for error, method in found if error <= NEAR * found[0][0]]

@@ -228,7 +228,5 @@ def _damage_histories(campaign: CampaignPlan, cases: Cases) -> dict[str, ArrayLi
     if not campaign.begins:
         return {}
     ends = campaign.step * np.arange(1, campaign.steps + 1)
-    there = (
-        ends > cases.onset[:, None] + 1e-6 * campaign.step
-    )  # from the first step that begins then or later, or holds it
+    there = ends > cases.onset[:, None] + 1e-6 * campaign.step  # from the first step that begins then or later, or holds it
     return {f"damage[{zone}]": np.where(there, d[:, None], 0.0) for zone, d in enumerate(cases.damage.T, start=1)}

@@ -153,9 +153,7 @@ class Mesh:
             yield Mistake(place, f"the membrane has no {name!r}.", name, tuple(known))
             return
         row = known[name]
-        low, high = (
-            end if limit is None else limit for limit, end in ((row.minimum, -math.inf), (row.maximum, math.inf))
-        )
+        low, high = (end if limit is None else limit for limit, end in ((row.minimum, -math.inf), (row.maximum, math.inf)))
         if not low <= value <= high:
             text = f"{name!r} reaches {value:g}; the membrane takes {low:g} to {high:g} {row.unit}. Correct it."
             yield Mistake(place, text)

@@ -197,9 +197,7 @@ def _variables(campaign: CampaignPlan) -> dict[str, tuple[tuple[str, ...], str, 
         varied[NOISE] = (("case",), "f8", "1", "Factor on the noise")
     if campaign.begins:
         varied[ONSET] = (("case",), "f8", "s", "When damage begins; 0: it is there from the start")
-    histories = {
-        "strain": (HISTORY, "f4", "1", "Strain of the membrane at its sensors, prestrain included, without noise")
-    }
+    histories = {"strain": (HISTORY, "f4", "1", "Strain of the membrane at its sensors, prestrain included, without noise")}
     if campaign.chain is not None:
         histories["resistance"] = (HISTORY, "f4", "ohm", "Resistance without noise")
         histories["compensated_strain"] = (

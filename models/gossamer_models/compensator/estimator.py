@@ -42,12 +42,8 @@ SHORTEST = 1e-9  # [s] stands for the steps before the run, [1] for a movement o
 
 VARIABLES = (
     *SCALE_VARIABLES,
-    parameter(
-        "noise", "ohm", "Standard deviation of the resistance's white noise; 0 = no smoothing", 0.1, 0.0, nominal=0.1
-    ),
-    parameter(
-        "eta_deviation", "1", "Standard deviation of the relative error of eta; 0 trusts it", 0.01, 0.0, nominal=0.01
-    ),
+    parameter("noise", "ohm", "Standard deviation of the resistance's white noise; 0 = no smoothing", 0.1, 0.0, nominal=0.1),
+    parameter("eta_deviation", "1", "Standard deviation of the relative error of eta; 0 trusts it", 0.01, 0.0, nominal=0.01),
     input_("resistance", "ohm", "Measured resistance, one sample per step", 100.0, nominal=100.0),
     input_("known", "1", "1 if the strain is known now, which ends the drift; else 0", 0.0, 0.0, 1.0, discrete=True),
     input_("known_strain", "1", "Present strain; read while known is 1", 0.0, 0.0, nominal=0.1),
@@ -56,9 +52,7 @@ VARIABLES = (
     output("present_strain", "1", "Estimated strain now: without delay, less accurate", minimum=0.0, nominal=0.1),
     output("strain_deviation", "1", "Standard deviation of the error of strain", minimum=0.0, nominal=0.001),
     output("delay", "s", "Delay of strain behind the resistance", minimum=0.0, nominal=1.0),
-    output(
-        "eta_correction", "1", "Relative correction of eta, learned from known and out-of-range strain", nominal=0.01
-    ),
+    output("eta_correction", "1", "Relative correction of eta, learned from known and out-of-range strain", nominal=0.01),
 )
 
 

@@ -77,9 +77,7 @@ def packet_energies(record: ArrayLike) -> Vector:
     """
     samples = np.asarray(record, dtype=float)
     if samples.shape[-1] == 0 or samples.shape[-1] % BLOCK:
-        msg = (
-            f"a record of {samples.shape[-1]} samples has no whole blocks of {BLOCK}. Cut it to a multiple of {BLOCK}."
-        )
+        msg = f"a record of {samples.shape[-1]} samples has no whole blocks of {BLOCK}. Cut it to a multiple of {BLOCK}."
         raise DataError(msg)
     packets = pywt.WaveletPacket(samples, "haar", mode="periodization", maxlevel=2, axis=-1)
     return np.stack([np.sum(packets[name.lower()].data ** 2, axis=-1) for name in PACKETS], axis=-1)

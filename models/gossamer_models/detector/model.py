@@ -233,9 +233,7 @@ class Estimate:
     valid: ca.MX
 
 
-def detector_model(
-    artifact: DetectorArtifact | None = None, defuzzification: Defuzzification = "centroid"
-) -> StepModel:
+def detector_model(artifact: DetectorArtifact | None = None, defuzzification: Defuzzification = "centroid") -> StepModel:
     """Build the detector from a trained artifact.
 
     Parameters
@@ -342,15 +340,10 @@ def posterior_model(artifact: PosteriorArtifact | None = None) -> StepModel:
         trained,
         "a network of its posterior",
         (
-            *(
-                positive(f"deviation[{z}]", description=f"Standard deviation of the damage of {name}")
-                for z, name in zones
-            ),
+            *(positive(f"deviation[{z}]", description=f"Standard deviation of the damage of {name}") for z, name in zones),
             *(fraction(f"probability[{z}]", description=f"Probability that {name} is damaged") for z, name in zones),
             positive("misfit", description="Distance from the records of the training; 1 is the largest valid one"),
-            fraction(
-                "risk", description="Chance that the damage of some zone is wrong by more than 10 % of its stiffness"
-            ),
+            fraction("risk", description="Chance that the damage of some zone is wrong by more than 10 % of its stiffness"),
             fraction("valid", description=valid),
         ),
         (

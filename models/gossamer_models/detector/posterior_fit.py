@@ -136,9 +136,7 @@ def spoilt_sensors(gains: Vector, random: np.random.Generator) -> tuple[Vector, 
     n, s = gains.shape
     first, second = random.permuted(np.tile(np.arange(s), (n, 1)), axis=1)[:, [0, min(1, s - 1)]].T
     rows, kind = np.arange(n), random.random(n)
-    factor = np.where(
-        kind < GAIN_SHARE, random.uniform(*WRONG_GAIN, n), np.where(kind < GAIN_SHARE + DEAD_SHARE, 0.0, 1.0)
-    )
+    factor = np.where(kind < GAIN_SHARE, random.uniform(*WRONG_GAIN, n), np.where(kind < GAIN_SHARE + DEAD_SHARE, 0.0, 1.0))
     gains = gains.copy()
     gains[rows, first] *= factor
     sensors = np.tile(np.arange(s), (n, 1))
@@ -312,9 +310,7 @@ class NetworkFit:
             report()
         return net, np.reshape(losses, (t.epochs, -1)).mean(axis=1).tolist()
 
-    def decoder(
-        self, net: Perceptron | FuzzyRules, scales: Vector, report: Callable[[], None]
-    ) -> tuple[Perceptron, Rows32]:
+    def decoder(self, net: Perceptron | FuzzyRules, scales: Vector, report: Callable[[], None]) -> tuple[Perceptron, Rows32]:
         """Train the decoder on what the network, which stays as it is, makes of noisy records, towards the clean ones."""
         t, lam, unit = self.training, self.parts.variances.astype(np.float32), scales.astype(np.float32)
         signs = posterior.image_signs(self.symmetry.signs(self.parts.modes), self.parts.sectors).astype(np.float32)

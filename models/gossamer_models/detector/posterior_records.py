@@ -128,9 +128,7 @@ class Windows:
 
     def part(self, first: int, last: int) -> Windows:
         """Return some of the cases."""
-        return Windows(
-            self.records[first:last], self.damage[first:last], self.settled[first:last], self.shift[first:last]
-        )
+        return Windows(self.records[first:last], self.damage[first:last], self.settled[first:last], self.shift[first:last])
 
 
 def cut_windows(data: xr.Dataset, number: int, samples: int, last: bool, seed: int) -> Windows:
@@ -185,9 +183,7 @@ def cut_windows(data: xr.Dataset, number: int, samples: int, last: bool, seed: i
         for k, record in enumerate(some, start=begin):
             records[k] = record[:, starts[k] : starts[k] + samples]
     settled = (onset == 0.0) | (onset <= (starts - samples) * step)
-    return Windows(
-        records[wanted], np.where(there[:, None], damage, 0.0)[wanted], settled[wanted], starts[wanted] - first
-    )
+    return Windows(records[wanted], np.where(there[:, None], damage, 0.0)[wanted], settled[wanted], starts[wanted] - first)
 
 
 @dataclass(frozen=True)

@@ -66,14 +66,10 @@ def train_posterior(
         )
         raise DataError(msg)
     sensing, symmetry = records.Sensing.of(data), Symmetry.stored(json.loads(data.attrs["symmetry"]))
-    cuts = [
-        records.cut_windows(data, number, t.samples, number == t.windows - 1, t.seed) for number in range(t.windows)
-    ]
+    cuts = [records.cut_windows(data, number, t.samples, number == t.windows - 1, t.seed) for number in range(t.windows)]
     done = itertools.count(1)
     images = len(symmetry.sensors)
-    total = sum(
-        (t.epochs + t.decoder_epochs) * max(images * len(split(cut, t)[0].damage) // t.batch, 1) for cut in cuts
-    )
+    total = sum((t.epochs + t.decoder_epochs) * max(images * len(split(cut, t)[0].damage) // t.batch, 1) for cut in cuts)
     with threadpool_limits(1):  # small matrices: waking other threads for them costs more than their work
         report = (lambda: None) if progress is None else (lambda: progress(next(done) / total))
         windows, losses = zip(
@@ -91,8 +87,7 @@ def train_posterior(
         windows=windows,
         periodic=data.sizes["time"] > t.windows * t.samples,
         losses=list(losses),
-        trained_over=trained_over(campaign, sensing)
-        | {"share of records with a spoilt sensor [1]": [t.spoilt, t.spoilt]},
+        trained_over=trained_over(campaign, sensing) | {"share of records with a spoilt sensor [1]": [t.spoilt, t.spoilt]},
         provenance={
             "campaign": str(data.attrs["sha256"]),
             "cases": str(data.sizes["case"]),

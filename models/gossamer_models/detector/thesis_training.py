@@ -93,8 +93,7 @@ def train_networks(I: Vector, damages: Vector, levels: int, peaks: ArrayLike = P
     alone = 1 + levels * zones
     if levels < 2 or n < alone:
         msg = (
-            f"there are {n} training cases; training needs the undamaged one and two or more levels in each of {zones} "
-            "zones"
+            f"there are {n} training cases; training needs the undamaged one and two or more levels in each of {zones} zones"
         )
         raise DataError(msg)
     paths = np.concatenate([np.repeat(I[None, :1], zones, axis=0), I[1:alone].reshape(zones, levels, -1)], axis=1)

@@ -170,9 +170,7 @@ def alike(names: tuple[str, ...], covariance: Matrix, advice: str) -> str:
     i, k = np.unravel_index(int(np.argmax(correlation)), correlation.shape)
     if not correlation[i, k] > ALIKE:
         return ""
-    return (
-        f"The data do not separate {names[i]} from {names[k]}: their correlation is {correlation[i, k]:.3f}. {advice}"
-    )
+    return f"The data do not separate {names[i]} from {names[k]}: their correlation is {correlation[i, k]:.3f}. {advice}"
 
 
 def rest_doubt(record: Record, rest_resistance: float, full_scale: float, reach: float, advice: str) -> str:

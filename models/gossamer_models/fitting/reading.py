@@ -72,9 +72,7 @@ class Columns:
                 mistakes.append(str(error))
         if self.sampling_step is not None:
             if self.time is not None or self.time_unit is not None:
-                mistakes.append(
-                    f"{path}: a column or unit of time and a sampling step are given. Leave one of them out."
-                )
+                mistakes.append(f"{path}: a column or unit of time and a sampling step are given. Leave one of them out.")
             if not self.sampling_step > 0.0:
                 mistakes.append(f"the sampling step must be a positive time [s], not {self.sampling_step:g}")
         if mistakes and self.strain is None and self.resistance is None and of_a_run(header):
@@ -231,16 +229,12 @@ def _order_times(samples: _Samples, measured: Measured, *, sort: bool) -> None:
         measured.check_rising(time, samples.lines, f"Sort the record ({option('sort', True)})")
     back = np.flatnonzero(np.diff(time) < 0.0)
     if back.size:
-        samples.repairs.append(
-            f"samples were sorted by time, the first out of order in line {samples.lines[back[0] + 1]}"
-        )
+        samples.repairs.append(f"samples were sorted by time, the first out of order in line {samples.lines[back[0] + 1]}")
         samples.keep(np.argsort(time, kind="stable"))
         time = samples.columns[0]
     again = np.flatnonzero(np.diff(time) == 0.0)
     if again.size:
-        samples.repairs.append(
-            f"{again.size} repeated times were averaged, the first in line {samples.lines[again[0] + 1]}"
-        )
+        samples.repairs.append(f"{again.size} repeated times were averaged, the first in line {samples.lines[again[0] + 1]}")
         _, first, group = np.unique(time, return_index=True, return_inverse=True)
         count = np.bincount(group)
         samples.columns = [np.bincount(group, weights=c) / count for c in samples.columns]

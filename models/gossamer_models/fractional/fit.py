@@ -69,9 +69,7 @@ def parameters(problem: FractionalProblem, theta: Vector) -> tuple[tuple[Paramet
         ]
     if problem.rest_fitted:
         rows.append(("R_0", artifact.rest_resistance, Phi[:, -1] / artifact.resistance_change))
-    J = np.column_stack(
-        [np.zeros_like(slope) if name[0] == "C" and value == 0.0 else slope for name, value, slope in rows]
-    )
+    J = np.column_stack([np.zeros_like(slope) if name[0] == "C" and value == 0.0 else slope for name, value, slope in rows])
     variance = float(residual @ residual) / max(residual.size - len(rows), 1)
     covariances, _ = covariance(J, np.empty((0, len(rows))), variance)
     deviations = np.sqrt(np.diag(covariances))

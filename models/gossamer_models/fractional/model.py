@@ -224,9 +224,7 @@ def fractional_sensor_model(artifact: FractionalArtifact) -> StepModel:
             *_scale_variables(artifact),
             STRAIN,
             RESISTANCE,
-            saturated(
-                description="1 if the strain is outside 0 to full scale, where the model is not identified, else 0"
-            ),
+            saturated(description="1 if the strain is outside 0 to full scale, where the model is not identified, else 0"),
         ),
         init=init,
         step=step,

@@ -31,9 +31,7 @@ VARIABLES = (
         parts=_QUATERNION,
     ),
     *array(parameter, "initial_angular_velocity", "rad/s", f"Angular velocity {_BEGINS}, {_BODY}", 0.0, 1e3),
-    *array(
-        parameter, "initial_wheel_momentum", "kg m2/s", f"Angular momentum of the wheels {_BEGINS}, {_BODY}", 0.0, 1e9
-    ),
+    *array(parameter, "initial_wheel_momentum", "kg m2/s", f"Angular momentum of the wheels {_BEGINS}, {_BODY}", 0.0, 1e9),
     parameter(
         "extrapolation",
         "1",
@@ -63,9 +61,7 @@ VARIABLES = (
     ),
     input_("attached_mass", "kg", "Mass of the appendage's part that is fixed to the hub; constant", 0.0, 0.0, 1e9),
     *array(input_, "attached_first_moment", "kg m", f"Its mass times place from the hub's origin, {_BODY}", 0.0, 1e9),
-    *array(
-        input_, "attached_inertia", "kg m2", f"Its inertia about the hub's origin, {_BODY}", 0.0, 1e9, parts=_INERTIA
-    ),
+    *array(input_, "attached_inertia", "kg m2", f"Its inertia about the hub's origin, {_BODY}", 0.0, 1e9, parts=_INERTIA),
     *array(
         output,
         "acceleration",

@@ -63,9 +63,7 @@ def leaking(setup: Setup, mesh: SurfaceMesh, free: NDArray[np.bool_], encloses: 
         text = f"the faces that enclose the gas are open along {len(border)} sides. Write 'volume', or close them."
         yield Mistake(("gas",), text)
     elif border and np.any(loose[np.unique(np.array([sorted(side) for side in border]))]):
-        text = (
-            "the border of the faces that enclose the gas moves, so their volume is not known. Hold it, or close them."
-        )
+        text = "the border of the faces that enclose the gas moves, so their volume is not known. Hold it, or close them."
         yield Mistake(("gas",), text)
 
 

@@ -30,9 +30,7 @@ from ..arrays import Vector
 from .law import LAWS, Entry, Matrix, Stress, matrix, principal
 
 Operator: TypeAlias = tuple[ca.DM, ...]  # factors, the first one acts first
-COMPRESSION = (
-    4e-7  # of four times the smaller principal stress over E/(1 - nu^2): a strain of 1e-7 matters to no membrane
-)
+COMPRESSION = 4e-7  # of four times the smaller principal stress over E/(1 - nu^2): a strain of 1e-7 matters to no membrane
 _UNIT = matrix([[1.0, 0.0], [0.0, 1.0]])
 _ZERO = 1e-13  # what the derivatives at a node in the middle of others are but for round-off
 
@@ -238,9 +236,7 @@ def _operator(along_s: Vector, along_t: Vector) -> Operator:
     """Make an operator from one along each side, shapes (points, nodes), leaving out a factor that changes nothing."""
     I = np.eye(len(along_s))
     factors = np.kron(I, along_s), np.kron(along_t, I)
-    return tuple(
-        ca.sparsify(ca.DM(factor), _ZERO) for factor in factors if not np.array_equal(factor, np.eye(len(factor)))
-    )
+    return tuple(ca.sparsify(ca.DM(factor), _ZERO) for factor in factors if not np.array_equal(factor, np.eye(len(factor))))
 
 
 def dense(operator: Operator, nodes: int) -> ca.DM:

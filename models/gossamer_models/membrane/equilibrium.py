@@ -27,9 +27,7 @@ NEWTON_STEPS = 8
 # moves the slowest mode in play by this share of the positions, which a soft film under a small load still lacks.
 SETTLED = 1e-6
 FLOOR = 4.0 * np.finfo(float).eps
-BEYOND = (
-    1e4  # of use: the squared stretch from which on forces that grow excuse nothing, as in a balloon that runs away
-)
+BEYOND = 1e4  # of use: the squared stretch from which on forces that grow excuse nothing, as in a balloon that runs away
 PATIENCE, GROWTH, MOST = 5000, 10.0 ** (6.0 / 5000), 1e6  # steps; factor after each further one; as much at most
 # accepted of Newton's method, over modulus * thickness * size of an element * stretch^3; round-off is 1e-16
 PLANE = 1e-11

@@ -178,9 +178,7 @@ def drift(half: ca.MX, h: ca.MX, r: Columns, s: Columns) -> tuple[Columns, Colum
     return turned(half, [x + h / 2.0 * y for x, y in zip(r, s, strict=True)]), turned(half, s)
 
 
-def kick(
-    h: ca.MX, a: ca.MX, w: ca.MX, r: Columns, s: Columns, pull: Columns, damping: ca.MX
-) -> tuple[Columns, Columns]:
+def kick(h: ca.MX, a: ca.MX, w: ca.MX, r: Columns, s: Columns, pull: Columns, damping: ca.MX) -> tuple[Columns, Columns]:
     """Return the velocities [m/s] after the kick, and the mean velocity relative to the frame, which the drag goes with.
 
     Parameters
@@ -282,9 +280,7 @@ FRAME_INPUTS = (
         1e5,
         10.0,
     ),
-    *_vector(
-        input_, "angular_velocity", "rad/s", "Angular velocity of the frame at the end of the step", 0.0, 1e3, 0.1
-    ),
+    *_vector(input_, "angular_velocity", "rad/s", "Angular velocity of the frame at the end of the step", 0.0, 1e3, 0.1),
     *_vector(input_, "angular_acceleration", "rad/s2", f"Angular acceleration of the frame, {_MEAN}", 0.0, 1e6, 1.0),
 )
 FRAME_OUTPUTS = (

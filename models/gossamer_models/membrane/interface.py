@@ -61,9 +61,7 @@ def _inputs(setup: Setup, zone_names: tuple[str, ...]) -> list[Variable]:
         where = f" on {', '.join(load.groups)}" if load.groups else ""
         rows.append(input_(load.name, unit, text + where, load.start, -1e6, 1e6, nominal=nominal))
         if load.kind == "light":
-            for axis, start in zip(
-                "xyz", (np.array(load.direction) / np.linalg.norm(load.direction)).tolist(), strict=True
-            ):
+            for axis, start in zip("xyz", (np.array(load.direction) / np.linalg.norm(load.direction)).tolist(), strict=True):
                 text = f"Direction in which the light travels, along {axis}; its length does not matter"
                 rows.append(input_(f"{load.name}_direction[{'xyz'.index(axis) + 1}]", "1", text, start, -1.0, 1.0))
     for i, axis in enumerate("xyz"):

@@ -58,9 +58,7 @@ def at_points(
     return at.P, at.load, limit * shared["D"] * wave, at.strain, at.compressed
 
 
-def force_loop(
-    structure: Structure, rank: Integers, number: int, names: Sequence[str], *, compressed: bool
-) -> ElementLoop:
+def force_loop(structure: Structure, rank: Integers, number: int, names: Sequence[str], *, compressed: bool) -> ElementLoop:
     """Write the forces of one element of a kind as a function, for all of them in a loop.
 
     Parameters

@@ -165,9 +165,7 @@ def membrane_model(
     def only_free(vectors: ca.MX) -> ca.MX:
         return vectors if structure.free.reshape(-1, 3)[structure.moving].all() else t["free"] * vectors
 
-    def gained(
-        f: ca.MX, u: Values, p: Values, gain: ca.MX
-    ) -> ca.MX:  # velocity in a time ``gain``; few passes over nodes
+    def gained(f: ca.MX, u: Values, p: Values, gain: ca.MX) -> ca.MX:  # velocity in a time ``gain``; few passes over nodes
         k = setup.inplane_mass
         v = gain * equations.lightness(p) * (t["mobility"] * f) - only_free(of_base(equations, u, gain))
         if k == 1.0:
@@ -277,9 +275,7 @@ def membrane_model(
         advice=_advice(setup, frame),
         table_column=equations.column,
         tables=equations.tables,
-        expression=partial(membrane_model, structure, frame=frame, mapped=True)
-        if _is_differentiable(structure)
-        else None,
+        expression=partial(membrane_model, structure, frame=frame, mapped=True) if _is_differentiable(structure) else None,
         compiled=None if compiled else partial(membrane_model, structure, frame=frame, compiled=True),
     )
 
@@ -305,9 +301,7 @@ def _advice(setup: Setup, frame: bool) -> str:
 def _cannot_ride(structure: Structure) -> Iterator[Mistake]:
     held = ~structure.free.reshape(-1, 3)
     if np.any(held.any(axis=1) != held.all(axis=1)):
-        text = (
-            'on a frame that flies a node is held in all directions or in none. Write fixed = "xyz" for each support.'
-        )
+        text = 'on a frame that flies a node is held in all directions or in none. Write fixed = "xyz" for each support.'
         yield Mistake(("supports",), text)
     if structure.setup.inplane_mass > 1.0:
         text = "on a frame that flies inertia must be that of the mass. Leave out 'inplane_mass'."

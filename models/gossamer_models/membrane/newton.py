@@ -129,9 +129,7 @@ class Newton:
                 to = q.copy()
                 to[self.free] += share * step
                 f_to, left_to = self.left(u, p, to)
-                if np.isfinite(left_to) and np.linalg.norm(f_to) < (CONTRACTION if is_kept else 1.0) * np.linalg.norm(
-                    f
-                ):
+                if np.isfinite(left_to) and np.linalg.norm(f_to) < (CONTRACTION if is_kept else 1.0) * np.linalg.norm(f):
                     fallen = to, f_to, left_to
                     break
             if fallen is not None:

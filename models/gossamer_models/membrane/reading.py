@@ -122,9 +122,7 @@ def _surface(name: str, mesh: Any, scale: float) -> MeshFile:  # noqa: ANN401
     faces, edges, points = {}, {}, {key: _integers(value, 1).ravel() for key, value in mesh.point_sets.items()}
     tags = mesh.cell_data_dict.get("gmsh:physical", {})  # of gmsh's format 2, where meshio makes no sets of them
     physical = {
-        key: {
-            kind: np.flatnonzero(values == tag) for kind, values in tags.items() if _DIMENSION.get(kind, 2) == dimension
-        }
+        key: {kind: np.flatnonzero(values == tag) for kind, values in tags.items() if _DIMENSION.get(kind, 2) == dimension}
         for key, (tag, dimension) in mesh.field_data.items()
     }
     for key, members in (physical | mesh.cell_sets_dict).items():
@@ -135,9 +133,7 @@ def _surface(name: str, mesh: Any, scale: float) -> MeshFile:  # noqa: ANN401
             found.append(_integers(members["triangle"], 1).ravel() + len(quadrilaterals))
         if sum(map(len, found)):
             faces[key] = np.concatenate(found)
-        sides = [
-            _integers(cells[kind], 2)[_integers(members[kind], 1).ravel(), :2] for kind in LINES if kind in members
-        ]
+        sides = [_integers(cells[kind], 2)[_integers(members[kind], 1).ravel(), :2] for kind in LINES if kind in members]
         if sum(map(len, sides)):
             edges[key] = np.concatenate(sides)
         if len(members.get("vertex", ())):

@@ -31,9 +31,7 @@ def _file(mesh: SurfaceMesh, *, quarters: bool) -> MeshFile:
     """Write a surface as a mesh file of quadrilaterals of nine nodes and triangles, or of the quarters of both."""
     blocks = {block.order > 0: block for block in mesh.blocks}
     corners = {kind: block.elements[:, corners_of(block.order)] for kind, block in blocks.items()}
-    sides = np.concatenate(
-        [np.stack([each, np.roll(each, -1, axis=1)], axis=2).reshape(-1, 2) for each in corners.values()]
-    )
+    sides = np.concatenate([np.stack([each, np.roll(each, -1, axis=1)], axis=2).reshape(-1, 2) for each in corners.values()])
     pairs = np.unique(np.sort(sides, axis=1), axis=0)
     middle = {(a, b): len(mesh.nodes) + k for k, (a, b) in enumerate(pairs.tolist())}
     nodes = [mesh.nodes, mesh.nodes[pairs].mean(axis=1)]  # middles of quadrilaterals' sides are set below

@@ -14,18 +14,7 @@ import casadi as ca
 
 from ..variables import Values, pack, unpack
 from .assembly import Forces, MembraneEquations
-from .frame import (
-    FrameState,
-    FrameStep,
-    Mounting,
-    cross,
-    drift,
-    frame_results,
-    kick,
-    mass_properties,
-    mounting,
-    wrench,
-)
+from .frame import FrameState, FrameStep, Mounting, cross, drift, frame_results, kick, mass_properties, mounting, wrench
 from .law import Entry
 from .loops import Columns, NodeLoop
 

@@ -108,9 +108,7 @@ class Support:
             moved = [d != 0.0 or s != 1.0 for d, s in zip(self.displacement, self.stretch, strict=True)]
             lost = [axis for axis, moves in zip("xyz", moved, strict=True) if moves and axis not in self.fixed]
             if self.displacement != ZERO and lost and any(self.displacement["xyz".index(axis)] for axis in lost):
-                text = (
-                    f"'displacement' moves along {lost[0]}, which 'fixed' = {self.fixed!r} does not hold. Add it there."
-                )
+                text = f"'displacement' moves along {lost[0]}, which 'fixed' = {self.fixed!r} does not hold. Add it there."
                 mistakes.append(Mistake(("displacement",), text))
             if self.motion and not any(moved):
                 text = "'motion' multiplies the way of the nodes, and there is none. Write 'displacement' or 'stretch'."
@@ -300,9 +298,7 @@ class Setup:
             text = f"'order' is {self.order!r}. Write 1 for bilinear elements, or 2 to {MAX_ORDER} for spectral ones."
             yield Mistake(("order",), text)
         if isinstance(self.refine, bool) or not 0 <= self.refine <= MOST_REFINED:
-            text = (
-                f"'refine' is {self.refine!r}. Write how many times elements are divided in four, 0 to {MOST_REFINED}."
-            )
+            text = f"'refine' is {self.refine!r}. Write how many times elements are divided in four, 0 to {MOST_REFINED}."
             yield Mistake(("refine",), text)
         if not self.regions:
             yield Mistake(("regions",), "there are no regions. Write [[regions]] with the material of all faces.")

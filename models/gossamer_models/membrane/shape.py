@@ -55,9 +55,7 @@ def membrane_shape(structure: Structure, variables: Sequence[Variable]) -> bytes
     combination = np.concatenate(
         [np.repeat(e.combination, len(f) // len(e.nodes)) for e, f in zip(structure.elements, faces, strict=True)]
     )
-    element = np.concatenate(
-        [np.repeat(b.faces, len(f) // len(b.faces)) for b, f in zip(mesh.blocks, faces, strict=True)]
-    )
+    element = np.concatenate([np.repeat(b.faces, len(f) // len(b.faces)) for b, f in zip(mesh.blocks, faces, strict=True)])
     ways = structure.ways.reshape(-1, len(mesh.nodes), 3)
     moved = [s for s, way in enumerate(ways) if way.any()]
     regions = range(len(setup.regions))

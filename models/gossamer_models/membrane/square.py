@@ -150,9 +150,7 @@ def square_structure(
         law=law,
         mass_damping=p.mass_damping,
         regions=(Region(**material),),
-        supports=(
-            Support(group="rim", stretch=(per_metre, per_metre, 1.0), centre=centre, motion="edge_displacement"),
-        ),
+        supports=(Support(group="rim", stretch=(per_metre, per_metre, 1.0), centre=centre, motion="edge_displacement"),),
         zones=tuple(Zone(group=f"zone_{k + 1}") for k in range(len(ZONES))),
         sensors=tuple(Sensor(point=(side * x, side * y, 0.0), direction=(0.0, 1.0, 0.0)) for x, y in SENSORS),
     )
@@ -206,9 +204,7 @@ def _variables(p: MembraneParams, setup: Setup, _: tuple[str, ...], n_nodes: int
             for k, (x, y) in enumerate(ZONES)
         ),
         *(
-            output(
-                f"strain[{k + 1}]", "1", strain.format(*np.array(sensor.point[:2]) / p.side_length * 3.0), nominal=0.1
-            )
+            output(f"strain[{k + 1}]", "1", strain.format(*np.array(sensor.point[:2]) / p.side_length * 3.0), nominal=0.1)
             for k, sensor in enumerate(setup.sensors)
         ),
         output("deflection", "m", "Deflection of the centre", nominal=0.1),
@@ -224,8 +220,6 @@ def _variables(p: MembraneParams, setup: Setup, _: tuple[str, ...], n_nodes: int
         ),
         *node_rows(setup, n_nodes),
         replace(STRAIN, description="Largest principal nominal strain of all points"),
-        local(
-            "deflection_ratio", "1", "Largest of the deflections w over the side", minimum=0.0, maximum=1.0, nominal=0.1
-        ),
+        local("deflection_ratio", "1", "Largest of the deflections w over the side", minimum=0.0, maximum=1.0, nominal=0.1),
         MAX_STEP,
     )

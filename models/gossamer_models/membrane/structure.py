@@ -184,9 +184,7 @@ class Structure:
         outside = self.zone[np.concatenate([block.combination for block in self.elements])] < 0
         if self.n_zones and np.any(outside):
             share = 100.0 * self.areas[outside].sum() / self.areas.sum()
-            found.append(
-                f"{outside.sum()} faces, {share:.2g} % of the area, are in no zone: nothing finds damage there."
-            )
+            found.append(f"{outside.sum()} faces, {share:.2g} % of the area, are in no zone: nothing finds damage there.")
         return tuple(found)
 
     @property
@@ -204,9 +202,7 @@ class Structure:
         """Middles of the zones on the reference shape [m], shape (zones, 3)."""
         middles = np.concatenate([self.mesh.nodes[block.nodes].mean(axis=1) for block in self.elements])
         zone = self.zone[np.concatenate([block.combination for block in self.elements])]
-        return np.array(
-            [np.average(middles[zone == k], axis=0, weights=self.areas[zone == k]) for k in range(self.n_zones)]
-        )
+        return np.array([np.average(middles[zone == k], axis=0, weights=self.areas[zone == k]) for k in range(self.n_zones)])
 
     @property
     def sensor_places(self) -> Vector:
@@ -306,9 +302,7 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
         ways=ways(setup, mesh),
         edge_force=edge_force(setup, mesh, measured),
         unit_forces={
-            load.name: unit_force(load, mesh, measured)
-            for load in setup.loads
-            if load.kind in ("force", "dead_pressure")
+            load.name: unit_force(load, mesh, measured) for load in setup.loads if load.kind in ("force", "dead_pressure")
         },
         gauges=tuple(_gauges(setup, mesh)),
     )

@@ -255,10 +255,7 @@ def _around_axis(zone: Zone, at: Matrix, nodes: Matrix) -> tuple[Integers, list[
     borders = _evenly(heights, zone.slices) if isinstance(zone.slices, int) else np.array(zone.slices)
     found = {"ring": ring, "sector": sector, "slice": _between(height, borders)}
     every = [
-        {"ring": a, "sector": b, "slice": c}
-        for c in range(len(borders) + 1)
-        for a in range(rings)
-        for b in range(counts[a])
+        {"ring": a, "sector": b, "slice": c} for c in range(len(borders) + 1) for a in range(rings) for b in range(counts[a])
     ]
     beyond = sector >= np.array(counts)[ring]
     cells = np.where(beyond[:, None], -1, np.column_stack([found[name] for name in zone.divisions]))

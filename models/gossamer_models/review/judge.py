@@ -306,9 +306,7 @@ def save_judged(judged: Sequence[Judged], folder: Path, *, pictures: bool = True
     drawn: dict[str, Chart] = {}
     for each in judged:
         paths.append(
-            write_predictions(
-                table_path(folder, each.record.name), each.record, each.predicted, _cells(each), each.fitted
-            )
+            write_predictions(table_path(folder, each.record.name), each.record, each.predicted, _cells(each), each.fitted)
         )
         if pictures:
             drawn |= record_files(each.modelled)

@@ -57,9 +57,7 @@ class Drive:
 
     def __post_init__(self) -> None:
         known = ", ".join(DIRECTIONS)
-        require(
-            self.strain in DIRECTIONS, f"a relaxation term is driven by {self.strain!r} strain; choose one of {known}"
-        )
+        require(self.strain in DIRECTIONS, f"a relaxation term is driven by {self.strain!r} strain; choose one of {known}")
         require(
             self.power in (0, 1),
             f"a relaxation power is {self.power!r}; 0 and 1 are supported. Identify it with one of them.",

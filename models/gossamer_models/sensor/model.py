@@ -26,9 +26,7 @@ SCALE_VARIABLES = (
     parameter(
         "full_scale_resistance_change", "ohm", "Static rise on first loading to full scale", 100.0, 1e-6, nominal=100.0
     ),
-    parameter(
-        "full_scale_strain", "1", "End of the identified range; the sensor saturates there", 0.5, 1e-6, nominal=0.5
-    ),
+    parameter("full_scale_strain", "1", "End of the identified range; the sensor saturates there", 0.5, 1e-6, nominal=0.5),
     parameter(
         "rest_strain", "1", "Strain of the relaxed sensor before the run, after monotone loading", 0.0, 0.0, nominal=0.1
     ),
@@ -38,9 +36,7 @@ RESISTANCE = output("resistance", "ohm", "Resistance of the sensor", nominal=100
 saturated = partial(output, "saturated", "1", minimum=0.0, maximum=1.0, discrete=True)
 
 
-def with_scales(
-    variables: tuple[Variable, ...], artifact: SensorArtifact, *, quiet: bool = False
-) -> tuple[Variable, ...]:
+def with_scales(variables: tuple[Variable, ...], artifact: SensorArtifact, *, quiet: bool = False) -> tuple[Variable, ...]:
     """Return variables of sensor or compensator that start at the identified values, where the artifact has them.
 
     The noise of a ``quiet`` one starts at zero.

@@ -57,9 +57,7 @@ def plane_chart(artifact: SensorArtifact, name: str) -> Chart:
     top = float(plane[np.tril_indices(artifact.n_lines, -1)].max(initial=0.0)) or highest
     what = "eta, the share of mu that a down-switch removes, is"
     same, known = (
-        ("", "")
-        if constant is None
-        else (f" {what} {constant:.4g} everywhere.", f"eta = {constant:.3g} all over the plane")
+        ("", "") if constant is None else (f" {what} {constant:.4g} everywhere.", f"eta = {constant:.3g} all over the plane")
     )
     note = f"The elastic line, the diagonal, reaches {np.diag(plane).max():.3g} and may exceed the scale.{same}"
     text = f"Weights of up-switching over the Preisach plane, up to {top:.3g} off the elastic line.{same}"
@@ -132,9 +130,7 @@ def _relaxation(artifact: SensorArtifact) -> list[Chart]:
         traces.append(points(name, times, sizes, f"@{k}", size=9))
         said.append(f"{name}: amplitudes {sizes.min():.3g} to {sizes.max():.3g}.")
     note, layout = "Terms A exp(-(t / tau)^c) by what excites them.", {"xaxis": {"type": "log"}, "showlegend": True}
-    return [
-        Chart("Relaxation", "time tau [s]", "amplitude A [1]", traces, note=note, text=" ".join(said), layout=layout)
-    ]
+    return [Chart("Relaxation", "time tau [s]", "amplitude A [1]", traces, note=note, text=" ".join(said), layout=layout)]
 
 
 def driven_by(term: RelaxationTerm) -> str:

@@ -163,9 +163,7 @@ class MembraneForward:
         start: dict[str, ArrayLike] = {**self._given, **parameters, "damage": damage}
         if self.gauges is None:
             return batch.run(steps, h, start, histories, workers=WORKERS).results
-        state = batch.run(
-            0, h, start, {name: values[..., :0] for name, values in histories.items()}, workers=WORKERS
-        ).state
+        state = batch.run(0, h, start, {name: values[..., :0] for name, values in histories.items()}, workers=WORKERS).state
         nodes, found, done = self.structure.mesh.nodes, np.empty((len(damage), self.sensors, steps)), 0
         piece = max(1, MEMORY // (len(damage) * nodes.size))
         while done < steps:

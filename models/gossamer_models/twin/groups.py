@@ -86,9 +86,7 @@ def untold(A: Matrix, names: Sequence[str]) -> list[str]:
         if which[1:]:
             found.append(f"{listed} act alike on the sensors: the record tells them only together. Add a sensor there.")
         elif lost[group]:
-            found.append(
-                f"Damage of {listed} hardly moves the sensors: the record does not tell it. Add a sensor there."
-            )
+            found.append(f"Damage of {listed} hardly moves the sensors: the record does not tell it. Add a sensor there.")
     return found
 
 

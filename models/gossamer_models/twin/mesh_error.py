@@ -197,8 +197,7 @@ class MeshErrors:
                 found = {name: arrays[name].astype(float) for name in ("strain", "slopes", "finer", "still_finer")}
             if record.kind == "resistance":  # strain with as much noise in its change
                 change = [
-                    _rms(_moving(row[np.isfinite(row)])) if np.isfinite(row).any() else math.nan
-                    for row in record.values
+                    _rms(_moving(row[np.isfinite(row)])) if np.isfinite(row).any() else math.nan for row in record.values
                 ]
                 noise = noise * np.sqrt(np.mean(_moving(found["strain"]) ** 2, axis=1)) / np.array(change)
             noise = noise * math.sqrt(record.states / record.samples)  # a state is read several times
@@ -216,9 +215,7 @@ class MeshErrors:
             return []
         better = self._better(found)
         again = "finer elements of this mesh change it again: mesh with quadrilaterals of 9 nodes and order = 3 or more"
-        hides = (
-            f", which makes the damages {found.blur:.2g} times as uncertain as the noise alone, so no answer is valid"
-        )
+        hides = f", which makes the damages {found.blur:.2g} times as uncertain as the noise alone, so no answer is valid"
         text = f"finer elements change the strain by {100.0 * found.share:.2g} % of its change{hides * found.buries}"
         return [f"{text}. {(better or again).capitalize()}"]
 

@@ -87,15 +87,11 @@ class Nuisances:
         check_names(self.kinds, self.inputs)
         for kind in self.kinds:
             if kind in (*FACTORS, "phase") and kind not in dict.fromkeys(k.partition("[")[0] for k in self.simulated):
-                what = (
-                    "no damping" if kind == "damping" else "no built-in load, and the record has no load that changes"
-                )
+                what = "no damping" if kind == "damping" else "no built-in load, and the record has no load that changes"
                 msg = f"{kind!r} cannot be fitted: the membrane has {what}. Leave it out, or set it."
                 raise ParameterError(msg)
             if kind in self.inputs and not self._deviation(kind) > 0.0:
-                msg = (
-                    f"the size of the load {kind!r} is not known. Give it a start value that is as large as it may be."
-                )
+                msg = f"the size of the load {kind!r} is not known. Give it a start value that is as large as it may be."
                 raise ParameterError(msg)
 
     @property

@@ -260,9 +260,7 @@ class RecordProblem(DamageUnknowns, LeastSquares):
             return super().derivatives(point, free)
         zones = np.flatnonzero(free[: self.zones])
         x, z = point.x[None], point.x[None, self.zones :]
-        loads = {
-            name: np.ravel(load) for name, load in self.nuisances.histories(z, np.zeros(self.record.states)).items()
-        }
+        loads = {name: np.ravel(load) for name, load in self.nuisances.histories(z, np.zeros(self.record.states)).items()}
         given = {name: float(value[0]) for name, value in self.nuisances.moved(z).items()}
         slopes = self.model.state_slopes(self.damage(x)[0], given, loads)
         moves = np.array([slopes[self.groups == zone].sum(axis=0) for zone in zones]).reshape(-1, *slopes.shape[1:])

@@ -12,16 +12,7 @@ from pathlib import Path
 from typing import Literal, TypeAlias, cast
 
 import numpy as np
-from gossamer_files.measured import (
-    Column,
-    Measured,
-    Wanted,
-    conversion,
-    find_column,
-    listed,
-    named_column,
-    read_columns,
-)
+from gossamer_files.measured import Column, Measured, Wanted, conversion, find_column, listed, named_column, read_columns
 from gossamer_files.options import option
 from numpy.typing import NDArray
 
@@ -74,9 +65,7 @@ def read_table(
     """
     structure = square_structure() if structure is None else structure
     count, units = structure.n_sensors, input_units(structure)
-    measured = read_columns(
-        path, lambda header, line: _choose(path, header, line, kind, count, units), unreadable="gap"
-    )
+    measured = read_columns(path, lambda header, line: _choose(path, header, line, kind, count, units), unreadable="gap")
     clock = [values for column, values in zip(measured.columns, measured.values, strict=False) if column.what == "time"]
     values, loads = np.full((count, len(measured.lines)), np.nan), {}
     for column, row in zip((c for c in measured.columns if c.what != "text"), measured.values, strict=True):

@@ -143,9 +143,7 @@ class ResponseRecord:
             d = np.diff(self.values[k], DIFFERENCES)
             d = d[np.isfinite(d)]
             if d.size < LEAST_SAMPLES // 2:
-                msg = (
-                    f"sensor {k + 1} has too many gaps to estimate its noise. Give the noise, or leave the sensor out."
-                )
+                msg = f"sensor {k + 1} has too many gaps to estimate its noise. Give the noise, or leave the sensor out."
                 raise DataError(msg)
             spread = float(np.nanmax(self.values[k]) - np.nanmin(self.values[k]))
             found[k] = max(math.sqrt(float(np.mean(d**2)) / math.comb(2 * DIFFERENCES, DIFFERENCES)), 1e-7 * spread)

@@ -390,8 +390,7 @@ def _is_learned(forward: Forward) -> bool:
         return False
     ratios = {name: given[name] / value if value else 1.0 + abs(given[name]) for name, value in default.items()}
     return all(
-        1.0 / (1.0 + LEARNED.get(name, 1e-9)) <= ratio <= 1.0 + LEARNED.get(name, 1e-9)
-        for name, ratio in ratios.items()
+        1.0 / (1.0 + LEARNED.get(name, 1e-9)) <= ratio <= 1.0 + LEARNED.get(name, 1e-9) for name, ratio in ratios.items()
     )
 
 

@@ -294,6 +294,4 @@ class Watch:
 def _deepest(problem: OnsetProblem, starts: list[Vector], free: Rows, most: int = 12) -> Minimum:
     """Descend from some starts, in parallel; return the minimum with the smallest chi2."""
     with ThreadPoolExecutor(WORKERS) as pool:
-        return min(
-            pool.map(lambda start: descend(problem, start, free, most), starts), key=lambda found: found.point.chi2
-        )
+        return min(pool.map(lambda start: descend(problem, start, free, most), starts), key=lambda found: found.point.chi2)

@@ -51,9 +51,7 @@ def assessment_page(
         f"Nothing of the sensor was fitted anew{' but the scales' * bool(judged[0].scales)}. The first stretch of a "
         f"record is what {known}."
     )
-    more += [
-        text for each in judged for text in each.sentences() if text not in each.defeats()
-    ]  # the verdict says these
+    more += [text for each in judged for text in each.sentences() if text not in each.defeats()]  # the verdict says these
     return Page(
         title=f"Sensor {sensor.name} judged on {facts.names_of([each.record.name for each in judged])}",
         kind="invalid" if any(each.known for each in judged) else kind,
@@ -79,9 +77,7 @@ def comparisons(judged: Judged) -> list[Comparison]:
         quantity, does = ("resistance", "is predicted") if name == "resistance" else ("strain", "is recovered")
         if name != "resistance" and len(judged.recovered) > 1:
             quantity = f"strain by {name}"
-        found.append(
-            Comparison(record=judged.record.name, quantity=quantity, does=does, own=own, rivals={CUBIC: cubic})
-        )
+        found.append(Comparison(record=judged.record.name, quantity=quantity, does=does, own=own, rivals={CUBIC: cubic}))
     return found
 
 
@@ -97,8 +93,6 @@ def _scales(judged: Judged) -> list[Chart]:
         text = f"The {name} changes from {values[0]:.5g} to {values[-1]:.5g}; once nothing relaxes, {last:.5g}."
         traces = [curve(name, record.time, values)]
         charts.append(
-            Chart(
-                f"Fitted {name}", "time [s]", f"{name} {y}", traces, note=note, text=text, layout=layout, linked=linked
-            )
+            Chart(f"Fitted {name}", "time [s]", f"{name} {y}", traces, note=note, text=text, layout=layout, linked=linked)
         )
     return section(record.name, charts)

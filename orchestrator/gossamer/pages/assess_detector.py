@@ -39,9 +39,7 @@ def assessment_page(found: AssessmentResults, structure: Structure | None = None
     else:
         base = "" if zero is None else f"; that of the answer '{ZERO}' is {zero.figures.error_damaged:.2f} %"
         error = f"{best.figures.error_damaged:.2f} % damage in the damaged zones of {best.figures.records} records"
-        sentence = (
-            f"{best.judge} is the nearest under the condition '{MAIN}': its mean absolute error is {error}{base}."
-        )
+        sentence = f"{best.judge} is the nearest under the condition '{MAIN}': its mean absolute error is {error}{base}."
     return Page(
         title="Assessment of detectors",
         sentence=sentence,

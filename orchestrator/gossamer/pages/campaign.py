@@ -68,9 +68,7 @@ def _varied(campaign: Mapping[str, Any], data: xr.Dataset) -> list[str]:
     for name, vary in campaign["vary"].items():
         low, high = vary["range"] or vary["factor"]
         unit = data[name].attrs.get("units", "1") if name in data.data_vars else "1"
-        parts.append(
-            f"{name} from {low:g} to {high:g} {unit}" if vary["range"] else f"{name} times {low:g} to {high:g}"
-        )
+        parts.append(f"{name} from {low:g} to {high:g} {unit}" if vary["range"] else f"{name} times {low:g} to {high:g}")
     return [f"Varied: {', '.join(parts)}."] if parts else ["Load, material and sensors are the same in all cases."]
 
 

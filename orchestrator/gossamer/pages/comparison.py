@@ -89,9 +89,7 @@ def verdict(comparisons: Sequence[Comparison], stretch: str) -> tuple[Kind, str,
     beaten = sum(each.beaten for each in comparisons)
     rest = f"in {beaten} of {len(comparisons)} comparisons" if beaten else "nowhere"
     names = " or a ".join(dict.fromkeys(name for each in comparisons for name in each.rivals))
-    sentence = (
-        f"On the {stretch}es of {len(records)} records {' and '.join(parts)}; a {names} is clearly better {rest}."
-    )
+    sentence = f"On the {stretch}es of {len(records)} records {' and '.join(parts)}; a {names} is clearly better {rest}."
     return kind, sentence, [unit, *(f"{each.record}: {each.sentence}" for each in comparisons)]
 
 

@@ -173,9 +173,7 @@ def _damage_charts(ended: Sequence[CaseEnd], over: Sequence[str]) -> list[Chart]
     return charts
 
 
-def _zones(
-    x: NDArray[np.float64] | list[str], estimated: Array, deviation: Array | None, true: Array | None
-) -> list[Trace]:
+def _zones(x: NDArray[np.float64] | list[str], estimated: Array, deviation: Array | None, true: Array | None) -> list[Trace]:
     """Draw the most damaged zones one by one, and the largest of the others, shape (cases, zones) each [%]."""
     largest = (estimated if true is None else np.maximum(estimated, true)).max(axis=0)
     zones = [int(z) for z in np.argsort(-largest, kind="stable")[:ZONES] if largest[z] >= 100.0 * LEAST_SHOWN]

@@ -90,9 +90,7 @@ def thesis_page(name: str, artifact: DetectorArtifact, found: Errors) -> Page:
 
 
 def _line(kind: str, row: Mapping[str, float]) -> str:
-    band = (
-        f"; {100.0 * row['in 95 % band']:.1f} % of damages within the stated 95 % band" if "in 95 % band" in row else ""
-    )
+    band = f"; {100.0 * row['in 95 % band']:.1f} % of damages within the stated 95 % band" if "in 95 % band" in row else ""
     return (
         f"{kind}: off by {row['all zones']:.2f} % over all zones, {row['damaged zones']:.2f} % over damaged ones{band}; "
         f"{100.0 * row['valid']:.1f} % of records valid, {100.0 * row['false calls']:.1f} % with a false call."
@@ -161,9 +159,7 @@ def _stated(judged: Judged) -> list[Chart]:
         if np.isfinite(observed).all():
             window = int(kind.split()[1].strip(",")) - 1
             dash = "dash" if "no noise" in kind else "solid"
-            traces.append(
-                curve(kind.replace(", damaged", ""), NOMINAL, observed, COLORS[window % len(COLORS)], dash=dash)
-            )
+            traces.append(curve(kind.replace(", damaged", ""), NOMINAL, observed, COLORS[window % len(COLORS)], dash=dash))
     return [reliability_chart(traces, "Damaged zones of valid records.")] if traces else []
 
 
@@ -178,9 +174,7 @@ def _called(judged: Judged) -> list[Chart]:
         shares = [share(called[place == k]) for k in range(SIZES)]
         middle = 50.0 * (edges[1:] + edges[:-1])
         trace = points(noise, middle, [100.0 * each.value for each in shares], color)
-        traces.append(
-            with_interval(trace, [100.0 * each.low for each in shares], [100.0 * each.high for each in shares])
-        )
+        traces.append(with_interval(trace, [100.0 * each.low for each in shares], [100.0 * each.high for each in shares]))
     note = (
         f"A call is a valid estimate above {100.0 * CALL:g} %; bars are 95 % intervals. First window, most with other "
         "damaged zones; 'gossamer assess-detector' finds a90/95 from single damages."

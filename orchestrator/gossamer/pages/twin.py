@@ -56,9 +56,7 @@ def twin_page(name: str, answer: Answer, compared: str, *, show_invalid: bool = 
         "999 of 1000 records."
     )
     if answer.unresolved:
-        more.append(
-            f"The record cannot tell the damage of zones {', '.join(labels[k - 1] for k in answer.unresolved)}."
-        )
+        more.append(f"The record cannot tell the damage of zones {', '.join(labels[k - 1] for k in answer.unresolved)}.")
     return Page(
         title=f"Digital twin of {name}",
         kind=kind,
@@ -84,9 +82,7 @@ def zone_cells(answer: Answer, *, shown: bool) -> TableText:
     """Return damage and probability of damage, a row for each zone; withheld where they are not shown."""
     labels = dict(zip(answer.zones, map(zone_label, answer.zones), strict=True))
     remarks = [
-        f"with {', '.join(labels[other] for other in others)}"
-        if others
-        else "cannot tell" * (k + 1 in answer.unresolved)
+        f"with {', '.join(labels[other] for other in others)}" if others else "cannot tell" * (k + 1 in answer.unresolved)
         for k, others in enumerate(answer.together_with)
     ]
     rows = [
@@ -105,8 +101,7 @@ def zone_cells(answer: Answer, *, shown: bool) -> TableText:
 def nuisance_cells(answer: Answer) -> list[tuple[str, str]]:
     """Return name and value with its standard deviation of what was fitted beside damage."""
     return [
-        (name, uncertain(*given, NUISANCE_UNITS.get(name.partition("[")[0], "")))
-        for name, given in answer.nuisances.items()
+        (name, uncertain(*given, NUISANCE_UNITS.get(name.partition("[")[0], ""))) for name, given in answer.nuisances.items()
     ]
 
 

@@ -68,9 +68,7 @@ def build_container(scenario: Scenario, fmus: Path, out: Path, *, fmi: int = 2) 
         msg = f"a container can be FMI 2 or 3 outside, not {fmi}. Choose one of them."
         raise ScenarioError(msg)
     if not out.stem.isidentifier() or not out.stem.isascii():
-        msg = (
-            f"{out.name!r} cannot be the name of an FMU's binary. Use letters, digits and underscores, no digit first."
-        )
+        msg = f"{out.name!r} cannot be the name of an FMU's binary. Use letters, digits and underscores, no digit first."
         raise ScenarioError(msg)
     with closing(make_plan(scenario, Path(fmus))) as plan:
         if out.resolve() in [file.path.resolve() for file in plan.files]:
@@ -82,9 +80,7 @@ def build_container(scenario: Scenario, fmus: Path, out: Path, *, fmi: int = 2) 
             problems.add(("groups", i), "a container steps each FMU once, and has no groups. Remove the group.")
         for component in plan.components:
             if component.fmu.arrays:
-                text = (
-                    f"FMU {component.fmu.name!r} has arrays of FMI 3.0, which a container does not take. Use FMI 2.0."
-                )
+                text = f"FMU {component.fmu.name!r} has arrays of FMI 3.0, which a container does not take. Use FMI 2.0."
                 problems.add(("components", component.name, "fmu"), text)
             if component.fmu.model_exchange:
                 text = f"FMU {component.fmu.name!r} is for model exchange, which a container does not integrate."

@@ -202,9 +202,7 @@ def _parameters(files: SspFiles, values: Any, prefix: str, label: str) -> dict[s
         try:
             found[name] = Given(convert(kind, text or ""), units.get(content.get("unit") or ""))
         except (ValueError, KeyError):
-            files.refuse(
-                f"{label}: {name!r} is {text!r}, which is no {kind}", "Give a Real, Integer, Boolean or String"
-            )
+            files.refuse(f"{label}: {name!r} is {text!r}, which is no {kind}", "Give a Real, Integer, Boolean or String")
     return found
 
 

@@ -194,9 +194,7 @@ class Network:
         if sends == [False, True]:
             start, end = end, start
         elif sends != [True, False]:
-            self.files.refuse(
-                f"{label} joins two {'outputs' if sends[0] else 'inputs'}", "Connect an output to an input"
-            )
+            self.files.refuse(f"{label} joins two {'outputs' if sends[0] else 'inputs'}", "Connect an output to an input")
         if end in self.feeds:
             self.files.refuse(f"{dotted(end)!r} is connected twice", "Remove one of its connections")
         gain, bias = 1.0, 0.0
@@ -363,9 +361,7 @@ def _step(network: Network, root: Any) -> float:  # noqa: ANN401
     return _preferred(network, "stepSize", "step", min)
 
 
-def _preferred(
-    network: Network, key: str, name: str, pick: Callable[[list[float]], float], above: float = 0.0
-) -> float:
+def _preferred(network: Network, key: str, name: str, pick: Callable[[list[float]], float], above: float = 0.0) -> float:
     """Return what the FMUs prefer of a number that the archive does not state."""
     experiments = [fmu.description.defaultExperiment for fmu in network.fmus.values()]
     found = [float(number) for e in experiments if (number := getattr(e, key, None)) is not None]

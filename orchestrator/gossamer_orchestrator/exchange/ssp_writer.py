@@ -80,9 +80,7 @@ def _refuse_inexpressible(plan: Plan) -> None:
     for c in plan.connections:
         kind = plan.component(c.sender).fmu.variables[c.output].type
         if kind != "Real":
-            text = (
-                f"{c.origin!r} is of type {kind}, but other tools connect only Reals of an SSP. Remove the connection."
-            )
+            text = f"{c.origin!r} is of type {kind}, but other tools connect only Reals of an SSP. Remove the connection."
             problems.add(("connections",), text)
     for component in plan.components:
         for name, value in component.start.items():

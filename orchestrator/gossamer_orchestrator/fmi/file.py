@@ -248,9 +248,7 @@ def explain_platforms(folder: Path, library: Path) -> str:
 MAX_ELEMENTS = 1_000_000
 
 
-def flatten(
-    path: Path, described: Iterable[Any], sizes: Mapping[str, int]
-) -> tuple[dict[str, Any], dict[str, list[str]]]:
+def flatten(path: Path, described: Iterable[Any], sizes: Mapping[str, int]) -> tuple[dict[str, Any], dict[str, list[str]]]:
     """List the scalars and elements of arrays of an FMU.
 
     Parameters

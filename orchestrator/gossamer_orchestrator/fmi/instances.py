@@ -74,9 +74,7 @@ class Instance3(Instance):
             kind = variables[names[0]].type
             whole = self._arrays.setdefault(array, {v: parse(kind, variables[v].start) for v in names})
             whole |= {v: values[v] for v in names if v in values}
-            self.write_values(
-                self.value_port(kind, names), list(whole.values()), f"refused {array!r} = {[*whole.values()]}"
-            )
+            self.write_values(self.value_port(kind, names), list(whole.values()), f"refused {array!r} = {[*whole.values()]}")
         if in_events and self.leave_event_mode():
             self._end(self._reached, self._reached)
 

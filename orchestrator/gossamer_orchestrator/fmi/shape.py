@@ -87,12 +87,7 @@ class Shape:
         ):
             msg = "its nodes do not fit the states"
             raise ValueError(msg)
-        if (
-            faces.ndim != 2
-            or faces.shape[1] != 4
-            or faces.max(initial=0) >= len(nodes)
-            or faces[:, :3].min(initial=0) < 0
-        ):
+        if faces.ndim != 2 or faces.shape[1] != 4 or faces.max(initial=0) >= len(nodes) or faces[:, :3].min(initial=0) < 0:
             msg = "its faces name nodes that it lacks"
             raise ValueError(msg)
 

@@ -23,9 +23,7 @@ FLOATS = ("Real", "Float32")
 LARGEST_EXACT = 2**53  # integers up to here are exact as floats
 
 _BITS = {"Int8": 8, "Int16": 16, "Integer": 32, "Int64": 64, "UInt8": -8, "UInt16": -16, "UInt32": -32, "UInt64": -64}
-RANGES = {
-    name: (0, 2**-bits - 1) if bits < 0 else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) for name, bits in _BITS.items()
-}
+RANGES = {name: (0, 2**-bits - 1) if bits < 0 else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) for name, bits in _BITS.items()}
 RANGES["Enumeration"] = RANGES["Integer"]
 INTEGERS = tuple(RANGES)
 TEXTS = ("String", "Binary")

@@ -22,9 +22,7 @@ from ..fmi.file import FmuFile
 from ..fmi.instances import start_instance
 from .debt import Array, Debt, from_mrp, turn
 
-_MOTION = [
-    f"{name}[{k}]" for name in ("frame_acceleration", "angular_velocity", "angular_acceleration") for k in (1, 2, 3)
-]
+_MOTION = [f"{name}[{k}]" for name in ("frame_acceleration", "angular_velocity", "angular_acceleration") for k in (1, 2, 3)]
 _REACTION = [f"{name}[{k}]" for name in ("force", "torque") for k in (1, 2, 3)]
 _HELD = [
     "held_mass",

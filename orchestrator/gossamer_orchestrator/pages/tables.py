@@ -41,9 +41,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[object]], caption: str, *
     """Return a table in HTML; the first cell of each row is its heading."""
     lines = [f"<table><caption>{written(caption)}</caption>"]
     if head:
-        lines.append(
-            "<thead><tr>" + "".join(f'<th scope="col">{written(text)}</th>' for text in head) + "</tr></thead>"
-        )
+        lines.append("<thead><tr>" + "".join(f'<th scope="col">{written(text)}</th>' for text in head) + "</tr></thead>")
     lines.append("<tbody>")
     for first, *rest in rows:
         begin = f'<th scope="row">{_cell(first)}</th>' if row_heads else f"<td>{_cell(first)}</td>"

@@ -151,9 +151,7 @@ def attributes(plan: Plan) -> dict[str, Any]:
         "step": scenario.step,
         "record_every": scenario.record.every,
         "master": scenario.master,
-        "fmus": json.dumps(
-            {name: _provenance(plan.component(name)) for name in scenario.components}, default=bytes.hex
-        ),
+        "fmus": json.dumps({name: _provenance(plan.component(name)) for name in scenario.components}, default=bytes.hex),
         "connections": json.dumps([_connection(c) for c in plan.connections]),
         "versions": json.dumps({name: _version(name) for name in ("gossamer", "FMPy", "numpy")}),
     }

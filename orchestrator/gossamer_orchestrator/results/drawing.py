@@ -75,9 +75,7 @@ class Drawing:
             logger.warning("pictures are missing: %s Draw them again with 'gossamer plot'.", why)
         return paths_of(pages)
 
-    def _heard(
-        self, process: subprocess.Popen[str], share: Share, *, again: bool = True
-    ) -> tuple[list[Picture], list[str]]:
+    def _heard(self, process: subprocess.Popen[str], share: Share, *, again: bool = True) -> tuple[list[Picture], list[str]]:
         """Return what a process drew, and what went wrong; what it had not begun when it was killed another one draws."""
         from .report.pictures import Picture
 

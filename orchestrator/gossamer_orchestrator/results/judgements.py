@@ -189,9 +189,7 @@ def _why_none(data: xr.Dataset, ended: list[Judgement]) -> str:
             "Run longer than its 'start_time' and 'window_length' together."
         )
     last = ended[-1]
-    many = (
-        f"{len(ended)} windows of the detector ended, the last" if len(ended) > 1 else "A window of the detector ended"
-    )
+    many = f"{len(ended)} windows of the detector ended, the last" if len(ended) > 1 else "A window of the detector ended"
     return f"{many} at {last.time:.4f} s, but gave no valid judgement; {_why(last)}"
 
 
@@ -203,9 +201,7 @@ def _why(judgement: Judgement) -> str:
         advice = "It was trained on nothing like this."
     elif judgement.likeness == "misfit" and measure > LARGEST_MISFIT:
         why = f"its misfit with what it was trained on is above one: {measure:.2g}"
-        advice = (
-            "It was trained on nothing like this. Check load, sensors, noise and 'delay', unless damage began in it."
-        )
+        advice = "It was trained on nothing like this. Check load, sensors, noise and 'delay', unless damage began in it."
     elif risk > LARGEST_RISK:
         why = f"its risk, the chance that a zone is wrong by more than 10 %, is {100 * risk:.2g} %, above 1 %"
         advice = "Noise, or damage that began within the window, leaves it unsure."

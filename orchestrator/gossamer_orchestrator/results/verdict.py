@@ -109,9 +109,7 @@ def _by_twin(
     onset = uncertain(finding["onset"], finding["onset_deviation"], "s")
     labels = _labels(finding)
     what = f"Damaged: {_listed(damage, deviation, zones, 2, labels)}" if zones else "No damage after all"
-    sentence = (
-        f"{what}, since t = {onset}, by the digital twin, which explains the record (± is one standard deviation)."
-    )
+    sentence = f"{what}, since t = {onset}, by the digital twin, which explains the record (± is one standard deviation)."
     known = ended[-1].true if ended and ended[-1].true.shape == damage.shape else np.full(damage.shape, np.nan)
     beside = [_truth(damage, known, labels), *_beside_twin(finding, ended), *sensing, *more]
     beside = (
@@ -236,9 +234,7 @@ def _dated(finding: Mapping[str, Any]) -> str:
     sentence = f"The digital twin dates the onset of damage to t = {onset}"
     damage = np.asarray(finding["damage"])
     zones = [int(z) for z in np.argsort(-damage, kind="stable") if damage[z] > 0.0]
-    return (
-        f"{sentence}: {_listed(damage, finding['deviation'], zones, 2, _labels(finding))}." if zones else f"{sentence}."
-    )
+    return f"{sentence}: {_listed(damage, finding['deviation'], zones, 2, _labels(finding))}." if zones else f"{sentence}."
 
 
 def sensor_doubts(data: xr.Dataset) -> list[str]:
@@ -246,9 +242,7 @@ def sensor_doubts(data: xr.Dataset) -> list[str]:
     readers = readers_of(data)
     beyond = [
         _beyond(data, name, readers)
-        for name in (
-            str(each).removesuffix(".saturated") for each in data.data_vars if str(each).endswith(".saturated")
-        )
+        for name in (str(each).removesuffix(".saturated") for each in data.data_vars if str(each).endswith(".saturated"))
         if float(data[f"{name}.saturated"].max()) > 0.5
     ]
     if beyond:

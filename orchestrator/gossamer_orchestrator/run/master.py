@@ -302,9 +302,7 @@ class Simulation:
                 self._stages.append(member)
             elif not self.groups or member.name not in self.groups[-1].names:
                 members = self.members[member.number : member.number + len(group.components)]
-                one = IteratedGroup(
-                    group, members, self.plan, self.store, self.position, self.ended_by, strict=self._strict
-                )
+                one = IteratedGroup(group, members, self.plan, self.store, self.position, self.ended_by, strict=self._strict)
                 self.groups.append(one)
                 self._stages.append(one)
         if self._pool is not None:

@@ -129,9 +129,7 @@ class OutputsOfType:
         if not self._warned and self._kind in EXCHANGED_EXACTLY and max(map(abs, values)) > LARGEST_EXACT:
             self._warned = True
             name = f"{self._instance.name}.{self._names[0]}"
-            logger.warning(
-                "%s is larger than 2^53: components receive it exactly, results hold the nearest float", name
-            )
+            logger.warning("%s is larger than 2^53: components receive it exactly, results hold the nearest float", name)
 
 
 def inputs_by_type(plan: ComponentPlan, instance: Instance, store: Store, wires: Sequence[Wire]) -> list[InputsOfType]:
@@ -155,8 +153,7 @@ def outputs_by_type(plan: ComponentPlan, instance: Instance, store: Store) -> li
             by_type.setdefault(plan.fmu.variables[name].type, []).append(name)
         by_type.pop("Real", None)
         groups += [
-            OutputsOfType(instance, group, store, store.places[plan.name, group[0]], sent=sent)
-            for group in by_type.values()
+            OutputsOfType(instance, group, store, store.places[plan.name, group[0]], sent=sent) for group in by_type.values()
         ]
     return groups
 

@@ -83,9 +83,7 @@ class Process:
         self._reader.join(GRACE)
         with suppress(OSError):
             self._control.close()
-        if (
-            not self._reader.is_alive()
-        ):  # closing waits for one that reads: what is left of the process may hold the pipe
+        if not self._reader.is_alive():  # closing waits for one that reads: what is left of the process may hold the pipe
             self._lines.close()
 
     def watch(self, limit: float | None, progress: ProgressBar | None) -> None:
@@ -129,9 +127,7 @@ class Process:
                 self._explain_death()
                 return
             if limit is not None and now - since > limit and not over:
-                self._kill(
-                    self._blame(f"did not return within {limit:g} s", f"Give it more time with {option('limit')}.")
-                )
+                self._kill(self._blame(f"did not return within {limit:g} s", f"Give it more time with {option('limit')}."))
                 return
             asked = asked or (now if position[STOP] else 0.0)
             if asked and now - asked > GRACE and not over:

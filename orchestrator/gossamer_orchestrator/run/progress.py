@@ -37,9 +37,7 @@ class ProgressBar:
             console=self._console,
             disable=not (self._console.is_terminal or self._console.is_jupyter),
         )
-        self._task = self._progress.add_task(
-            label, total=None, text="", first=0.0, aside=0.0, waits=False, even=remaining
-        )
+        self._task = self._progress.add_task(label, total=None, text="", first=0.0, aside=0.0, waits=False, even=remaining)
         self._begun = False
         self._text = ""
         self._first: float | None = None  # time of a run when its bar began [s]

@@ -157,9 +157,7 @@ class FiniteCheck:
                 if self._strict:
                     msg = f"{text} Correct its inputs or parameters, or run without {option('strict', True)}."
                     raise SimulationError(msg, component=component, time=simulation.time)
-                logger.warning(
-                    "%s What follows from it means nothing; %s ends the run there.", text, option("strict", True)
-                )
+                logger.warning("%s What follows from it means nothing; %s ends the run there.", text, option("strict", True))
 
     def end(self, simulation: Simulation) -> None:
         """Do nothing."""

@@ -173,9 +173,7 @@ def _files_of_twin(folder: Path) -> dict[Path, int]:
     return {path: path.stat().st_mtime_ns for path in said if path.is_file()}
 
 
-def _settle(
-    process: Process, folder: Path, temporary: Path, wall_time: float, earlier: dict[Path, int]
-) -> float | None:
+def _settle(process: Process, folder: Path, temporary: Path, wall_time: float, earlier: dict[Path, int]) -> float | None:
     """Finish the netCDF file; return the time of its last row, None without any.
 
     What the twin wrote of an earlier run goes with its results, unless it was written anew since.
@@ -288,9 +286,7 @@ class Messages(logging.Handler):
         _PACKAGE.addHandler(self)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         _PACKAGE.removeHandler(self)
 
     def emit(self, record: logging.LogRecord) -> None:

@@ -195,9 +195,7 @@ class IteratedGroup:
         variables = {(name, v): plan.component(name).fmu.variables[v] for name, v in back}
         self._reals = [source for source, v in variables.items() if v.type in FLOATS]
         self._places = np.array([self._store.places[source] for source in self._reals], dtype=np.intp)
-        self._others = [
-            (source, v.type in EXCHANGED_EXACTLY) for source, v in variables.items() if v.type not in FLOATS
-        ]
+        self._others = [(source, v.type in EXCHANGED_EXACTLY) for source, v in variables.items() if v.type not in FLOATS]
         self.peaks: Vector = np.array([nominal(variables[source]) for source in self._reals])
         self._declared = self.peaks > 0.0
 
@@ -305,9 +303,7 @@ class IteratedGroup:
         if self._strict:
             msg = f"{text} {advice}"
             raise SimulationError(msg, component=source[0], time=time)
-        logger.warning(
-            "%s The run goes on with its last values; %s ends it there. %s", text, option("strict", True), advice
-        )
+        logger.warning("%s The run goes on with its last values; %s ends it there. %s", text, option("strict", True), advice)
 
 
 def nominal(variable: Any) -> float:  # noqa: ANN401

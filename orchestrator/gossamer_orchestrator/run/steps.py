@@ -135,9 +135,7 @@ def refusal(simulation: Steps, member: Member, parts: int) -> SimulationError:
 
 logger = logging.getLogger(__name__)
 
-FLOOR = (
-    1.0  # least size of a value whose nominal value is not declared, in its unit, as FMI assumes: it may begin at zero
-)
+FLOOR = 1.0  # least size of a value whose nominal value is not declared, in its unit, as FMI assumes: it may begin at zero
 ENOUGH = 0.1  # where e is less, the next step is twice as large: e is then expected below 0.4
 
 

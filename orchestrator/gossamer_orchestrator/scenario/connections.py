@@ -222,9 +222,7 @@ def sort_grouped(names: Iterable[str], edges: Mapping[str, Iterable[str]], group
     return [member for name in order for member in sort_components(inside.get(name, [name]), edges)]
 
 
-def order_components(
-    draft: Draft, connections: Iterable[Connection], fed: Mapping[str, int]
-) -> tuple[list[str], list[str]]:
+def order_components(draft: Draft, connections: Iterable[Connection], fed: Mapping[str, int]) -> tuple[list[str], list[str]]:
     """Return the orders of initialization and of stepping, and report orders that are not possible.
 
     Under Gauss-Seidel a connection from a later to an earlier component delays by one step. That is said where the
@@ -248,9 +246,7 @@ def order_components(
                 "both ends are in a group, where nothing delays",
                 f"{c.sender!r} steps before {c.receiver!r}",
             )
-            text = (
-                f"the connection {c.origin} -> {c.target} does not delay: {inside if c.target in iterated else before}."
-            )
+            text = f"the connection {c.origin} -> {c.target} does not delay: {inside if c.target in iterated else before}."
             problems.add(("connections", fed[c.target], "delayed"), f"{text} Remove 'delayed', or change the order.")
     connections = [c for c in connections if not c.delayed]
     late = {c.target: c for c in connections if place.get(c.sender, -1) >= place.get(c.receiver, len(order))}
@@ -336,9 +332,7 @@ def check_steps(draft: Draft) -> None:
             text = f"the run has {scenario.ticks} steps, which {component.every} does not divide"
             problems.add(place, f"{text}. Choose another 'every', 'step' or 'stop'.")
         if component.every > 1 and name in grouped:
-            problems.add(
-                place, f"component {name!r} is in a group, whose components step together. Remove one of the two."
-            )
+            problems.add(place, f"component {name!r} is in a group, whose components step together. Remove one of the two.")
     unable = sorted({file.name for file in files.values() if not file.can_repeat})
     if scenario.step_control is not None and unable:
         text = f"{', '.join(unable)} cannot restore its state or vary its step, so its steps cannot be controlled"

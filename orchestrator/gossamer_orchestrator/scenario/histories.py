@@ -92,9 +92,7 @@ def _read(scenario: Scenario, given: Input, fmu: FmuFile, name: str, files: Mapp
         msg = f'{given.target!r} is of type {kind} and cannot be interpolated. Write between = "held".'
         raise ScenarioError(msg)
     if not path.exists():
-        msg = (
-            f"there is no file {path.absolute()}; 'file' is looked for beside the scenario. Correct its name or folder."
-        )
+        msg = f"there is no file {path.absolute()}; 'file' is looked for beside the scenario. Correct its name or folder."
         raise ScenarioError(msg)
     try:
         times, values, unit = (_read_csv if path.suffix == ".csv" else _read_netcdf)(path, given, kind)
@@ -206,9 +204,7 @@ def _read_netcdf(path: Path, given: Input, kind: str) -> tuple[NDArray[np.float6
         return seconds * times.values.astype(np.float64), values, column.attrs.get("units")
 
 
-def _unit_conversion(
-    unit: str | None, fmu: FmuFile, name: str, files: Mapping[str, FmuFile]
-) -> tuple[float, float] | None:
+def _unit_conversion(unit: str | None, fmu: FmuFile, name: str, files: Mapping[str, FmuFile]) -> tuple[float, float] | None:
     """Return gain and bias from the unit of a file to that of an input; None if there is no way."""
     own = fmu.unit(name)
     if unit is None or own is None or unit == own:

@@ -58,9 +58,7 @@ def parse_scenario(
     """Check the text of a scenario; ``name`` stands in messages, paths of FMUs are relative to ``folder``."""
     content = parse_toml(text, name, "scenario")
     given = {key: value for key, value in (("step", step), ("stop", stop)) if value is not None}
-    return make_scenario(
-        content | given, source=Source(name, text, {(key,): option(key) for key in given}), folder=folder
-    )
+    return make_scenario(content | given, source=Source(name, text, {(key,): option(key) for key in given}), folder=folder)
 
 
 def make_scenario(content: Mapping[str, Any], *, source: Source, folder: Path | None = None) -> Scenario:

@@ -168,9 +168,7 @@ def make_plan(scenario: Scenario, fmus: Path, *, strict: bool = False) -> Plan:
             recorded=_by_type(recorded, fmu),
         )
 
-    logger.info(
-        "%d steps of %g s, %s, %d columns recorded", scenario.ticks, scenario.step, scenario.master, len(columns)
-    )
+    logger.info("%d steps of %g s, %s, %d columns recorded", scenario.ticks, scenario.step, scenario.master, len(columns))
     for name in order:
         logger.info("%s: %s, FMI %s", name, files[name].path.name, files[name].description.fmiVersion)
     return Plan(
@@ -231,9 +229,7 @@ def _resize(file: FmuFile, component: Component, place: Location, problems: Prob
         return file
 
 
-def _read_file(
-    fmu: str, path: Path, literal: Path, place: Location, problems: Problems, *, strict: bool
-) -> FmuFile | None:
+def _read_file(fmu: str, path: Path, literal: Path, place: Location, problems: Problems, *, strict: bool) -> FmuFile | None:
     """Read an FMU; None, and a problem, if that is not possible; ``literal`` is the file if the name were a path."""
     try:
         check_path(path)
@@ -308,9 +304,7 @@ def _check_events(draft: Draft, connected: set[str]) -> dict[int, list[tuple[str
 def _check_recording(draft: Draft, connected: set[str]) -> list[tuple[str, str]]:
     scenario, files, problems = draft.scenario, draft.files, draft.problems
     patterns = scenario.record.variables
-    every = [
-        (c, v, x) for c in scenario.components for v, x in files[c].variables.items() if x.causality != "independent"
-    ]
+    every = [(c, v, x) for c in scenario.components for v, x in files[c].variables.items() if x.causality != "independent"]
     if patterns is None:
         shown = [(c, v, x) for c, v, x in every if x.causality in ("output", "input") and f"{c}.{v}" not in connected]
         if texts := [f"{c}.{v}" for c, v, x in shown if x.type in TEXTS]:

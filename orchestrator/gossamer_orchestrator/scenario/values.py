@@ -239,9 +239,7 @@ def changed(scenario: Scenario, changes: Mapping[str, Given], fmus: Path) -> Sce
                 file = files[path].resized(components[component].parameters, validate=False)
                 keys = _keys(file, variable, name)
                 components[component] = _with_value(components[component], keys, value)
-                places: list[Location] = [
-                    ("components", component, table, key) for table in keys for key in keys[table]
-                ]
+                places: list[Location] = [("components", component, table, key) for table in keys for key in keys[table]]
                 options |= dict.fromkeys(places, option("set", name))
     title = _title(scenario, changes)
     scenario = scenario.model_copy(update={"components": components, "title": title})

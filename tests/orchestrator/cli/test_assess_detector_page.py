@@ -77,9 +77,7 @@ def found() -> AssessmentResults:
         confusions=[
             ConfusionRow(judge=NEAR, condition="noise, 0.9 s", counts=confusion(damages(), verdicts(0.9), 0.5).tolist())
         ],
-        tables=[
-            TableRow(table="Tables 7.1 and 7.2", case=2, judge=NEAR, condition="clean", damage=[19.0] + 15 * [0.0])
-        ],
+        tables=[TableRow(table="Tables 7.1 and 7.2", case=2, judge=NEAR, condition="clean", damage=[19.0] + 15 * [0.0])],
     )
 
 

@@ -122,9 +122,7 @@ def test_an_fmu_for_scheduled_execution_is_refused_once_though_two_components_us
     )
     with zipfile.ZipFile(tmp_path / "gain.fmu", "w") as file:
         file.writestr("modelDescription.xml", description)
-    (tmp_path / "g.toml").write_text(
-        GAIN + GAIN.partition("stop = 1.0\n")[2].replace("[components.g]", "[components.h]")
-    )
+    (tmp_path / "g.toml").write_text(GAIN + GAIN.partition("stop = 1.0\n")[2].replace("[components.g]", "[components.h]"))
     result = call("run", tmp_path / "g.toml", "--fmus", tmp_path)
     (line,) = result.stderr.splitlines()
     assert "is FMI 3.0 for scheduled execution" in line

@@ -32,9 +32,7 @@ def call():
 @pytest.fixture
 def run(call, fmus, tmp_path):
     (tmp_path / "g.toml").write_text(GAIN)
-    return lambda *more: call(
-        "run", tmp_path / "g.toml", "--fmus", fmus, "--out", tmp_path / "out", "--no-pictures", *more
-    )
+    return lambda *more: call("run", tmp_path / "g.toml", "--fmus", fmus, "--out", tmp_path / "out", "--no-pictures", *more)
 
 
 def test_json_is_the_only_thing_on_stdout(run, tmp_path):

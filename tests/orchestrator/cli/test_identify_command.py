@@ -168,9 +168,7 @@ def test_kernels_may_be_fixed_in_time_and_exponent(measured, tmp_path):
     assert "knots=4" in artifact.provenance["settings"]
 
 
-def test_cells_without_numbers_and_a_row_cut_short_are_told_with_the_columns_before_the_fit_and_once(
-    measured, tmp_path
-):
+def test_cells_without_numbers_and_a_row_cut_short_are_told_with_the_columns_before_the_fit_and_once(measured, tmp_path):
     lines = measured.read_text().splitlines()
     for line, cells in ((10, 2), (30, 2), (31, 1), (50, 1)):
         lines[line] = ",".join([*lines[line].split(",")[:cells], *[["OL", "n/a"][cells == 1]] * (line in (10, 50))])
@@ -211,9 +209,7 @@ def test_a_simple_model_that_recovers_strain_better_is_a_warning_beside_the_comm
     result = invoke(["identify", str(measured), *options, "--out", str(tmp_path / "s.json")])
     assert result.exit_code == 0, result.output
     told = " ".join(result.stderr.split())
-    warning = (
-        r"Warning: measured\.csv: a static cubic recovers the strain .* this sensor, [\d.]+ against [\d.]+ % of range"
-    )
+    warning = r"Warning: measured\.csv: a static cubic recovers the strain .* this sensor, [\d.]+ against [\d.]+ % of range"
     assert told.count("a static cubic recovers the strain") == 1
     assert re.search(rf"To build its FMUs, type '[^']+'\. {warning}", told)
 

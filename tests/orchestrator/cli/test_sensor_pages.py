@@ -114,9 +114,7 @@ def test_the_verdict_and_the_facts_have_the_numbers_of_the_fit(identified):
     test, size = table["fitted"] == 0.0, float(np.ptp(table["resistance_ohm"]))
     error = nrmse(table["resistance_ohm"][test], table["predicted_ohm"][test], size)
     said = page.inside["verdict"]
-    assert said.startswith(
-        f"On the test stretch of measured.csv: Resistance is predicted with an error of {error:.2f} %"
-    )
+    assert said.startswith(f"On the test stretch of measured.csv: Resistance is predicted with an error of {error:.2f} %")
     assert "90 % interval" in said
     assert "better than a static cubic" in said
     bars = charts["Error beside that of simple models"]["traces"]
@@ -145,9 +143,7 @@ def test_an_assessment_shows_every_compensator_its_band_and_the_fitted_scales(as
     assert answer.stdout.splitlines()[-1] == str(path)
     assert answer.stderr.splitlines()[-1] == f"Open {path}, or type 'gossamer view {out}'."
     page, charts = read_page(path)
-    assert page.inside["verdict"].startswith(
-        "On the judged stretch of other.csv: Resistance is predicted with an error of"
-    )
+    assert page.inside["verdict"].startswith("On the judged stretch of other.csv: Resistance is predicted with an error of")
     assert "Strain by exact is recovered" in page.inside["verdict"]
     table = table_of(out, "other_predicted.csv")
     history = {each["name"]: each for each in charts["Strain over time"]["traces"] if each.get("showlegend", True)}
@@ -228,9 +224,7 @@ def test_a_constant_eta_is_a_sentence_and_another_one_a_picture():
     assert surface["z"][-1, 0] == pytest.approx(np.sum(sensor.mu) / sensor.n_lines)
     terms = {each["name"]: (each["x"].tolist(), each["y"].tolist()) for each in charts["Relaxation"].traces}
     assert terms == {"rising strain": ([10.0], [0.2]), "rising strain times strain": ([10.0], [0.1])}
-    less = replace(
-        sensor, nu=tuple(tuple(0.5 * value if i else value for value in row) for i, row in enumerate(sensor.mu))
-    )
+    less = replace(sensor, nu=tuple(tuple(0.5 * value if i else value for value in row) for i, row in enumerate(sensor.mu)))
     charts = {each.title: each for each in sensor_charts(less)}
     assert charts["Share eta"].traces[0]["z"][3, 1] == pytest.approx(0.5)
     assert "What a cycle leaves" in charts

@@ -12,18 +12,7 @@ import pytest
 from command_line import invoke
 from gossamer.descriptions import load_structure
 from gossamer_models import Stepper
-from gossamer_models.membrane import (
-    Edge,
-    Gas,
-    Load,
-    Region,
-    Sensor,
-    Setup,
-    Support,
-    Zone,
-    membrane_model,
-    read_mesh,
-)
+from gossamer_models.membrane import Edge, Gas, Load, Region, Sensor, Setup, Support, Zone, membrane_model, read_mesh
 from gossamer_orchestrator.errors import ScenarioError
 from gossamer_orchestrator.scenario.source import shipped_scenarios
 

@@ -81,8 +81,6 @@ def test_a_training_of_the_thesis_stands_beside_its_own_figures(tmp_path):
         "13 single": {"all zones": 1.0, "damaged zones": 8.0},
         "13 single: the thesis": {"all zones": 2.0, "damaged zones": 9.0},
     }
-    page, charts = read_page(
-        write_page(thesis_page("single", DetectorArtifact.default(), rows), tmp_path / "report.html")
-    )
+    page, charts = read_page(write_page(thesis_page("single", DetectorArtifact.default(), rows), tmp_path / "report.html"))
     assert page.inside["verdict"] == "13 single: off by 8.00 % damage over damaged zones; the thesis prints 9.00 %."
     assert values(charts["Mean absolute error"]["traces"][1]["x"]) == [8.0, 9.0]

@@ -91,9 +91,7 @@ def test_the_observer_hands_every_sample_to_the_twin_once(built, monkeypatch, tm
 
         def advance(self, values, loads):
             taken.append(values)
-            return SimpleNamespace(
-                time=float(len(taken)), misfit=1.0, statistic=0.0, alarm=len(taken) == 2, finding=None
-            )
+            return SimpleNamespace(time=float(len(taken)), misfit=1.0, statistic=0.0, alarm=len(taken) == 2, finding=None)
 
     monkeypatch.setattr(sys.modules[LiveWatch.__module__], "_begin", lambda *_: Twin())
     recorder = Recorder(plan)

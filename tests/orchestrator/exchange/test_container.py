@@ -13,13 +13,7 @@ import numpy as np
 import pytest
 from command_line import invoke
 from fmpy.validation import validate_fmu
-from gossamer_orchestrator import (
-    OrchestratorError,
-    ScenarioError,
-    build_container,
-    load_scenario,
-    parse_scenario,
-)
+from gossamer_orchestrator import OrchestratorError, ScenarioError, build_container, load_scenario, parse_scenario
 from gossamer_orchestrator.names import split_indices
 from gossamer_orchestrator.scenario.source import find_scenario
 from simulated import simulate as simulate_here
@@ -64,9 +58,7 @@ def chain_fmus(built):
 
 @pytest.fixture(scope="module", params=[2, 3], ids=["FMI 2", "FMI 3"])
 def container(request, chain_fmus):
-    return build_container(
-        load_scenario(SCENARIO), chain_fmus, chain_fmus / f"all{request.param}.fmu", fmi=request.param
-    )
+    return build_container(load_scenario(SCENARIO), chain_fmus, chain_fmus / f"all{request.param}.fmu", fmi=request.param)
 
 
 @pytest.fixture

@@ -67,9 +67,7 @@ def test_sizes_of_arrays_of_fmi_3_must_be_the_fmus_own(reference_fmus, tmp_path)
 
 
 def test_a_group_comes_back(fmus, tmp_path):
-    text = (
-        CHAIN.replace('order = ["source", "sink"]\n', "") + '[[groups]]\ncomponents = ["source", "sink"]\nsweeps = 7\n'
-    )
+    text = CHAIN.replace('order = ["source", "sink"]\n', "") + '[[groups]]\ncomponents = ["source", "sink"]\nsweeps = 7\n'
     scenario = parse_scenario(text, name="chain.toml")
     with open_ssp(export_ssp(scenario, fmus, tmp_path / "chain.ssp")) as again:
         assert again.groups == scenario.groups
@@ -100,9 +98,7 @@ def test_fmus_of_one_name_in_two_folders_stay_apart(fmus, tmp_path):
         (tmp_path / folder).mkdir()
         (tmp_path / folder / "gain.fmu").write_bytes((fmus / f"{fmu}.fmu").read_bytes())
     given = 'inputs = { u = 1.0, "offset[*]" = 0.0 }'
-    text = "step = 0.1\nstop = 1.0\n[components]\n" + "".join(
-        f'{c} = {{ fmu = "{c}/gain.fmu", {given} }}\n' for c in "ab"
-    )
+    text = "step = 0.1\nstop = 1.0\n[components]\n" + "".join(f'{c} = {{ fmu = "{c}/gain.fmu", {given} }}\n' for c in "ab")
     with open_ssp(export_ssp(parse_scenario(text, folder=tmp_path), fmus, tmp_path / "ab.ssp")) as scenario:
         plan = make_plan(scenario, fmus)
         assert [c.fmu.unit("u") for c in plan.components] == [None, "kPa"]

@@ -85,9 +85,7 @@ def test_nested_systems_are_flattened_and_higher_levels_override_lower_ones(make
 @pytest.mark.parametrize("element", ['FixedStepAlgorithm baseStepSize="0.2"', 'FixedStepMaster stepSize="0.2"'])
 def test_the_step_may_stand_in_an_annotation_of_libcosim_or_omsimulator(make, element):
     annotation = f'<Annotations><c:Annotation type="any"><x:{element} xmlns:x="any"/></c:Annotation></Annotations>'
-    path = make(
-        system(component("a", "gain")), rest=f'<DefaultExperiment stopTime="1">{annotation}</DefaultExperiment>'
-    )
+    path = make(system(component("a", "gain")), rest=f'<DefaultExperiment stopTime="1">{annotation}</DefaultExperiment>')
     with open_ssp(path) as scenario:
         assert scenario.step == 0.2
 

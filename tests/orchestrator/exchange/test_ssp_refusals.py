@@ -8,20 +8,7 @@ import random
 import pytest
 from gossamer_orchestrator import FmuError, ScenarioError, open_ssp
 from lxml import etree
-from ssp_structures import (
-    EXPERIMENT,
-    GAIN,
-    NESTED,
-    SSD,
-    SSV,
-    bindings,
-    component,
-    connection,
-    connector,
-    last,
-    real,
-    system,
-)
+from ssp_structures import EXPERIMENT, GAIN, NESTED, SSD, SSV, bindings, component, connection, connector, last, real, system
 
 
 def test_an_annotation_nested_too_deeply_is_refused(make):
@@ -117,9 +104,7 @@ def test_what_cannot_run_is_refused_by_name(make, case):
 )
 def test_what_the_schema_forbids_is_refused_with_its_place(make, old, new, reason):
     wire = connection("a.y", "b.u", '<c:LinearTransformation factor="2"/>')
-    content = system(
-        component("a", "gain", GAIN, bindings(SSV.format(real("u", 1.0)))) + component("b", "gain", GAIN), wire
-    )
+    content = system(component("a", "gain", GAIN, bindings(SSV.format(real("u", 1.0)))) + component("b", "gain", GAIN), wire)
     assert old in content
     with pytest.raises(ScenarioError, match=reason), open_ssp(make(content.replace(old, new, 1)), step=0.1):
         pass
@@ -137,9 +122,7 @@ def test_a_document_type_definition_is_refused_in_every_file(make, declaration, 
         ssv = doctype + ssv
     else:
         ssd = ssd.replace("<SystemStructureD", doctype + "<SystemStructureD", 1)
-    path = make(
-        system(component("a", "gain", GAIN, bindings("", ' source="set.ssv"'))), files={"set.ssv": ssv}, ssd=ssd
-    )
+    path = make(system(component("a", "gain", GAIN, bindings("", ' source="set.ssv"'))), files={"set.ssv": ssv}, ssd=ssd)
     with pytest.raises(ScenarioError, match=rf"{where} has a document type definition"), open_ssp(path, step=0.1):
         pass
 

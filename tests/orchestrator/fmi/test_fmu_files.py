@@ -95,9 +95,7 @@ def test_an_fmu_without_a_binary_for_this_machine_is_refused_when_it_is_started(
             if not member.filename.endswith(".so"):
                 new.writestr(member, old.read(member))
     (tmp_path / "integrator.fmu").write_bytes((fmus / "integrator.fmu").read_bytes())
-    message = (
-        r"cannot be started: It has no binaries/\w+/ToyGain.\w+, which this machine needs; it has binaries for win64.$"
-    )
+    message = r"cannot be started: It has no binaries/\w+/ToyGain.\w+, which this machine needs; it has binaries for win64.$"
     with pytest.raises(FmuError, match=message):
         run_scenario(chain(), tmp_path)
 

@@ -157,9 +157,7 @@ def test_on_the_command_line_a_wrong_value_is_refused_by_its_option():
 
 
 def test_a_choice_that_is_not_offered_is_refused_with_those_that_are():
-    with pytest.raises(
-        gossamer.OrchestratorError, match=r"kind is 'big'\. Give 'neuro-fuzzy' or 'perceptron' or 'thesis'"
-    ):
+    with pytest.raises(gossamer.OrchestratorError, match=r"kind is 'big'\. Give 'neuro-fuzzy' or 'perceptron' or 'thesis'"):
         gossamer.train(kind="big")
 
 

@@ -100,9 +100,7 @@ def test_what_membranes_and_detectors_give_by_zone_and_sensor_says_so():
 
 
 def test_a_mixture_of_a_scalar_and_elements_of_one_name_is_kept_apart():
-    data = arrange(
-        np.zeros(1), np.ones((1, 3)), [RecordedScalar(name, "1", "") for name in ("a.x", "a.x[1]", "a.x[2]")]
-    )
+    data = arrange(np.zeros(1), np.ones((1, 3)), [RecordedScalar(name, "1", "") for name in ("a.x", "a.x[1]", "a.x[2]")])
     assert set(data.data_vars) == {"a.x", "a.x[1]", "a.x[2]"}
 
 

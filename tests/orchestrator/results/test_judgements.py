@@ -36,9 +36,7 @@ def test_a_run_without_a_judgement_says_whether_a_window_ended_and_what_resemble
     with pytest.raises(ResultsError, match=r"the results lack detector.damage. Add it to \[record\] variables"):
         judge(data.drop_vars("detector.damage"))
     data["detector.valid"][:] = 0.0
-    with pytest.raises(
-        ResultsError, match=r"2 windows .* the last at 8.0000 s, .* in spite of a similarity of 0.5. Give"
-    ):
+    with pytest.raises(ResultsError, match=r"2 windows .* the last at 8.0000 s, .* in spite of a similarity of 0.5. Give"):
         judge(data)
     data["detector.similarity"][:] *= 0.5
     with pytest.raises(ResultsError, match=r"similarity with every trained case is below one half: 0.25"):

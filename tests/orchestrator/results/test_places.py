@@ -26,8 +26,7 @@ def save_shape(folder, **changes):
         zone=np.array([0, 1, -1]),
         poisson_ratio=np.array([0.3]),
         direction=np.array([[1.0, 0.0, 0.0]]),
-        **{"sensor_points": np.array([[0.1, 0.2, 1.0], [0.3, 0.4, 1.0]]), "sensor_directions": np.ones((2, 3))}
-        | changes,
+        **{"sensor_points": np.array([[0.1, 0.2, 1.0], [0.3, 0.4, 1.0]]), "sensor_directions": np.ones((2, 3))} | changes,
     )
     create_shapes(folder / "shapes.nc", {"membrane": surface}, 0.0, {"membrane": (nodes, np.zeros((1, 3)))})
 
@@ -123,9 +122,7 @@ def test_some_zones_alone_have_no_places(whole):
 
 def test_some_zones_beside_all_zones_have_a_dimension_of_their_own(whole):
     detector = whole["detector.damage"].rename(zone="damage_index")
-    some = (
-        whole.isel(zone=[5, 11]).drop_vars(["detector.damage", "detector.index"]).assign({"detector.damage": detector})
-    )
+    some = whole.isel(zone=[5, 11]).drop_vars(["detector.damage", "detector.index"]).assign({"detector.damage": detector})
     placed = with_places(some)
     assert placed["membrane.damage"]["zone_index"].to_numpy().tolist() == [6, 12]
     assert placed["detector.damage"].dims == ("time", "zone")

@@ -118,9 +118,7 @@ def test_the_legend_of_the_history_is_whole_however_many_zones_are_damaged(data,
     assert ax.get_window_extent().height > 0.4 * whole.height
 
 
-def test_what_is_no_valid_judgement_has_neither_colour_nor_band_and_no_band_is_below_zero(
-    data, later_window_invalid, run
-):
+def test_what_is_no_valid_judgement_has_neither_colour_nor_band_and_no_band_is_below_zero(data, later_window_invalid, run):
     data["detector.damage"][4:, 1] = 0.1
     data["detector.damage"][8:, 2:14] = 0.8  # of the window that is not valid
     data["detector.deviation"] = (data["detector.damage"].dims, np.full((10, 16), 0.2))

@@ -41,9 +41,7 @@ def page_of(data, folder):
 
 def charts_of(data, folder, choice=""):
     """Return the charts of a page by title, of a sensor those of it."""
-    return {
-        each.title: each for each in run_page(data, folder).charts if not each.choice or each.choice.startswith(choice)
-    }
+    return {each.title: each for each in run_page(data, folder).charts if not each.choice or each.choice.startswith(choice)}
 
 
 def trace(chart, name):
@@ -139,9 +137,7 @@ def test_a_verdict_says_what_is_not_known(data, certain, later_window_invalid, t
 @pytest.mark.parametrize(
     ("findings", "kind"), [([], "invalid"), ([0.2], "invalid"), ([0.0], "healthy"), ([0.0, 0.2], "invalid")]
 )
-def test_no_damage_is_no_verdict_where_the_twin_raised_an_alarm_that_it_did_not_take_back(
-    certain, tmp_path, findings, kind
-):
+def test_no_damage_is_no_verdict_where_the_twin_raised_an_alarm_that_it_did_not_take_back(certain, tmp_path, findings, kind):
     certain["detector.damage"][:] = 0.0
     found = [{"onset": 5.0, "onset_deviation": 0.1, "damage": [d] * 16, "deviation": [0.01] * 16} for d in findings]
     (tmp_path / "watch.json").write_text(json.dumps({"alarms": [6.0, 7.0][: max(1, len(found))], "findings": found}))
@@ -284,17 +280,13 @@ def test_the_tables_say_what_connections_do_and_count_in_plain_words(certain, tm
         assert f"<summary>{summary}</summary>" in text
 
 
-@pytest.mark.parametrize(
-    ("seconds", "words"), [(12.0, "12 s"), (1200.0, "1200 s"), (7.2e-3, "7.2 ms"), (0.5, "500 ms")]
-)
+@pytest.mark.parametrize(("seconds", "words"), [(12.0, "12 s"), (1200.0, "1200 s"), (7.2e-3, "7.2 ms"), (0.5, "500 ms")])
 def test_durations_are_without_powers_of_ten(seconds, words):
     assert duration(seconds) == words
 
 
 def test_a_stranger_s_run_has_a_page_and_its_words_are_only_words(tmp_path):
-    data = xr.Dataset(
-        {"a.y": ("time", [0.0, np.nan])}, coords={"time": [0.0, 1.0]}, attrs={"title": "<script>$x</script>"}
-    )
+    data = xr.Dataset({"a.y": ("time", [0.0, np.nan])}, coords={"time": [0.0, 1.0]}, attrs={"title": "<script>$x</script>"})
     page = page_of(data, tmp_path)
     assert page.inside["verdict"].startswith("No judgement: the run had no detector.")
     data["detector.valid"] = 0.0 * data["time"]
@@ -347,6 +339,4 @@ def test_a_folder_without_results_names_those_below_it_or_beside_it(certain, tmp
     for name in "abc":
         save_results(certain, tmp_path / "out" / name)
     assert said("plot", "out").endswith("Did you mean out/a or out/b or out/c, or another of the 4 in out?\n")
-    assert said("view", "out/damagd").endswith(
-        "Did you mean out/damaged or out/a or out/b, or another of the 4 in out?\n"
-    )
+    assert said("view", "out/damagd").endswith("Did you mean out/damaged or out/a or out/b, or another of the 4 in out?\n")

@@ -43,9 +43,7 @@ def test_the_slider_moves_every_picture_and_nothing_is_amiss(page):
     lines = page.evaluate("page.figures.filter(f => f.timed).map(f => f.div.layout.shapes[0].x0)")
     assert lines == [4.0] * len(lines)
     page.select_option("#choice", index=2)
-    page.evaluate(
-        "Plotly.relayout(page.figures.filter(f => f.timed)[0].div, {'xaxis.range[0]': 1, 'xaxis.range[1]': 3})"
-    )
+    page.evaluate("Plotly.relayout(page.figures.filter(f => f.timed)[0].div, {'xaxis.range[0]': 1, 'xaxis.range[1]': 3})")
     page.wait_for_function("page.figures.filter(f => f.timed).every(f => f.div.layout.xaxis.range[1] === 3)")
 
 
@@ -156,9 +154,7 @@ def test_the_page_fits_a_narrow_window_in_light_with_its_tables(browser, report,
 
 
 def test_zones_and_sensors_are_numbered_and_marks_at_the_border_are_whole(page):
-    sensors, zones = (
-        page.evaluate(f"page.figures.find(each => each.title === 'Membrane').div.data[{k}]") for k in (4, 5)
-    )
+    sensors, zones = (page.evaluate(f"page.figures.find(each => each.title === 'Membrane').div.data[{k}]") for k in (4, 5))
     assert sensors["text"] == ["1", "2", "3", "4"]
     assert zones["text"] == [f"{zone}" for zone in range(1, 17)]
     assert sensors["mode"] == zones["mode"] == "markers+text"
@@ -179,9 +175,7 @@ def test_what_is_read_lies_over_what_the_sensor_has_and_a_note_says_what_the_ban
 
 def test_a_spectrum_has_powers_of_ten_alone_and_few_variables_title_their_panel(browser, tmp_path):
     time = 3e-4 * np.arange(2000.0)
-    resistance = (
-        100.0 + 10.0 * np.sin(2.0 * np.pi * 30.0 * time) + np.random.default_rng(1).normal(0.0, 0.01, time.size)
-    )
+    resistance = 100.0 + 10.0 * np.sin(2.0 * np.pi * 30.0 * time) + np.random.default_rng(1).normal(0.0, 0.01, time.size)
     data = xr.Dataset({"sensor1.resistance": ("time", resistance), "sensor1.strain": ("time", 1e-3 * resistance)})
     data = data.assign_coords(time=time).assign({"a.y": ("time", time), "b.y": ("time", -time)})
     troubles: list[str] = []

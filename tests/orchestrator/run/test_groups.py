@@ -35,9 +35,7 @@ def fmus(tmp_path_factory):
 
 def loop(a, b, more=GROUP, *, one="", key="", stop=0.3, size=1):
     """y1 = a y2 + 1 and y2 = b y1, by element; ``a`` and ``b`` are numbers or matrices of 3 x 3."""
-    A, B = (
-        np.broadcast_to(np.asarray(m, dtype=float) * (np.eye(3) if np.ndim(m) == 0 else 1.0), (3, 3)) for m in (a, b)
-    )
+    A, B = (np.broadcast_to(np.asarray(m, dtype=float) * (np.eye(3) if np.ndim(m) == 0 else 1.0), (3, 3)) for m in (a, b))
     given = lambda A: "A = [" + ", ".join(repr(float(x)) for x in A.ravel()) + "]"  # noqa: E731
     fixed = "".join(f', "u[{i}]" = 0' for i in range(size + 1, 4))
     wires = "".join(
@@ -153,9 +151,7 @@ def test_a_step_that_is_refused_is_done_in_parts_of_iterated_steps(fmus):
 
 
 def test_a_refusal_in_a_sweep_names_the_component(fmus):
-    with pytest.raises(
-        SimulationError, match=r"component 'two' refused the step of 0.1 s at t = 0 s, even in 64 parts"
-    ):
+    with pytest.raises(SimulationError, match=r"component 'two' refused the step of 0.1 s at t = 0 s, even in 64 parts"):
         run(
             parse_scenario(
                 loop(1.0, 0.5).source.text.replace(
@@ -167,9 +163,7 @@ def test_a_refusal_in_a_sweep_names_the_component(fmus):
 
 
 def test_an_fmu_that_crashes_within_a_sweep_is_named_with_the_time(beside, hostile):
-    wires = "".join(
-        f'[[connections]]\nfrom = "{a}.y[1]"\nto = "{b}.u"\n' for a, b in (("good", "bad"), ("bad", "good"))
-    )
+    wires = "".join(f'[[connections]]\nfrom = "{a}.y[1]"\nto = "{b}.u"\n' for a, b in (("good", "bad"), ("bad", "good")))
     scenario = beside(f"fault = {faults.SEGFAULT}, at = 21", more=wires + '[[groups]]\ncomponents = ["good", "bad"]\n')
     text = scenario.source.text.replace("inputs = { u = 1.0 }\n", "").replace("inputs = { u = 0.0 }\n", "")
     with pytest.raises(SimulationError, match=r"component 'bad' .* in the step from t = 0.021 s") as error:
@@ -336,9 +330,7 @@ def test_jacobi_and_an_order_that_tears_a_group_apart_are_refused(fmus):
 
 def test_a_component_between_two_of_a_group_is_stepped_after_both(fmus, caplog):
     third = '[components.three]\nfmu = "gain"\ninputs = { "b[*]" = 0, "u[2]" = 0, "u[3]" = 0 }\n'
-    wires = (
-        '[[connections]]\nfrom = "one.y[1]"\nto = "three.u[1]"\n[[connections]]\nfrom = "three.y[1]"\nto = "two.u[2]"\n'
-    )
+    wires = '[[connections]]\nfrom = "one.y[1]"\nto = "three.u[1]"\n[[connections]]\nfrom = "three.y[1]"\nto = "two.u[2]"\n'
     text = loop(1.0, 0.5, third + wires + GROUP).source.text
     one, _, two = text.partition("two = {")
     plan = make_plan(parse_scenario(one + "two = {" + two.replace(', "u[2]" = 0', "", 1)), fmus)

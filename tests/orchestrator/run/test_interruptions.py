@@ -123,13 +123,9 @@ def assert_beginning_of(whole, data):
         assert np.array_equal(data[name].values, whole[name].values[:size])
 
 
-@pytest.mark.parametrize(
-    ("number", "resumed"), [(signal.SIGINT, False), (signal.SIGTERM, True), (signal.SIGHUP, False)]
-)
+@pytest.mark.parametrize(("number", "resumed"), [(signal.SIGINT, False), (signal.SIGTERM, True), (signal.SIGHUP, False)])
 def test_a_signal_that_asks_for_the_end_keeps_the_results_and_the_run_resumes_to_the_bit(start, whole, number, resumed):
-    before = signal.signal(
-        number, signal.SIG_DFL
-    )  # whoever runs the tests may ignore it: nohup, a shell's background job
+    before = signal.signal(number, signal.SIG_DFL)  # whoever runs the tests may ignore it: nohup, a shell's background job
     try:
         run = start(STOPS)
     finally:

@@ -181,9 +181,7 @@ to = "integral.u"
 def test_a_fatal_fmu_leaves_results_on_disk_and_is_not_called_again(fmus, tmp_path):
     from gossamer_orchestrator import load_results
 
-    with pytest.raises(
-        SimulationError, match=r"'fragile' failed at t = 0.5 s \(fatal\)(.|\n)*100 %s of it broke"
-    ) as caught:
+    with pytest.raises(SimulationError, match=r"'fragile' failed at t = 0.5 s \(fatal\)(.|\n)*100 %s of it broke") as caught:
         run_scenario(parse_scenario(FRAGILE), fmus, tmp_path)
     assert caught.value.fatal
     data = load_results(tmp_path)
@@ -242,9 +240,7 @@ def test_an_event_changes_an_input_from_its_time_on(chain, fmus):
 
 
 def test_two_runs_of_one_plan_are_equal_to_the_bit(chain, fmus):
-    plan = make_plan(
-        chain(('to = "integral.u"', 'to = "integral.u"\nnoise = { kind = "uniform", amplitude = 1 }')), fmus
-    )
+    plan = make_plan(chain(('to = "integral.u"', 'to = "integral.u"\nnoise = { kind = "uniform", amplitude = 1 }')), fmus)
     tables = []
     for _ in range(2):
         recorder = Recorder(plan)

@@ -200,9 +200,7 @@ def test_without_inputs_the_reference_output_is_repeated(reference_fmus, referen
     with Simulation(plan) as simulation:
         simulation.run([last])
     written = {"false": False, "Set me!": "Set me!", "666f6f": b"foo"}
-    expected = {
-        name.removesuffix("_output"): written.get(text, text) for name, text in zip(header, rows[-1], strict=True)
-    }
+    expected = {name.removesuffix("_output"): written.get(text, text) for name, text in zip(header, rows[-1], strict=True)}
     for name, value in last.outputs.items():
         assert value == (type(value)(expected[name]) if isinstance(value, int | float) else expected[name])
 

@@ -157,9 +157,7 @@ def test_a_shape_that_does_not_fit_is_left_out_with_a_warning(sails, tmp_path, c
     with zipfile.ZipFile(sails / "membrane.fmu") as old, zipfile.ZipFile(broken, "w") as new:
         for name in old.namelist():
             content = old.read(name)
-            new.writestr(
-                name, content.replace(b'"n_x": ', b'"n_x": 0, "was": ') if name.endswith("state.json") else content
-            )
+            new.writestr(name, content.replace(b'"n_x": ', b'"n_x": 0, "was": ') if name.endswith("state.json") else content)
     file = FmuFile(broken)
     with caplog.at_level(logging.WARNING):
         assert read_shape(file) is None

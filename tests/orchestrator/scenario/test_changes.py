@@ -69,8 +69,7 @@ def test_the_title_says_which_values_are_not_those_of_the_file(fmus):
 
 def test_another_seed_gives_other_noise(fmus):
     runs = [
-        run_scenario(parse_scenario(SCENARIO), fmus, values={"seed": seed})["two.y"].values.tolist()
-        for seed in (0, 1, 1)
+        run_scenario(parse_scenario(SCENARIO), fmus, values={"seed": seed})["two.y"].values.tolist() for seed in (0, 1, 1)
     ]
     assert runs[0] != runs[1] == runs[2]
 

@@ -103,9 +103,7 @@ def test_truth_values_are_read_as_other_programs_write_them(reference_fmus, tmp_
     (tmp_path / "s.toml").write_text(text + '[[inputs]]\nto = "c.Boolean_input"\nfile = "m.csv"\ncolumn = "on"\n')
     assert run_scenario(load_scenario(tmp_path / "s.toml"), reference_fmus)["c.Boolean_output"].values[-1] == value
     (tmp_path / "m.csv").write_text("t,on\n0,1\n1,on\n")
-    with pytest.raises(
-        ScenarioError, match=r"m\.csv, line 3: column 'on' cannot be read as Boolean: 'on' is neither true"
-    ):
+    with pytest.raises(ScenarioError, match=r"m\.csv, line 3: column 'on' cannot be read as Boolean: 'on' is neither true"):
         make_plan(load_scenario(tmp_path / "s.toml"), reference_fmus)
 
 

@@ -46,9 +46,9 @@ def test_it_runs_as_it_is_and_finds_the_damage_that_begins(written, built):
     assert before.estimated.max() == 0.0
     assert after.valid
     assert judge(data).estimated[9] == pytest.approx(0.3, abs=0.01)
-    assert {
-        name for name, each in tomllib.loads(written.read_text())["components"].items() if each["fmu"] == "sensor"
-    } == {f"sensor{k}" for k in range(1, 5)}
+    assert {name for name, each in tomllib.loads(written.read_text())["components"].items() if each["fmu"] == "sensor"} == {
+        f"sensor{k}" for k in range(1, 5)
+    }
 
 
 def test_a_file_that_is_there_is_kept(written):

@@ -10,9 +10,7 @@ from ..conftest import rewrite
 
 
 def test_units_of_another_dimension_are_refused(fmus, two_gains):
-    message = (
-        r"scenario:8: units of 'a.y' and 'b.u': 'Pa' \(kg m-1 s-2\) is not 'm' \(m\). Connect variables of one unit."
-    )
+    message = r"scenario:8: units of 'a.y' and 'b.u': 'Pa' \(kg m-1 s-2\) is not 'm' \(m\). Connect variables of one unit."
     for extra in ("", "gain = 2.0"):
         with pytest.raises(ScenarioError, match=message):
             make_plan(parse_scenario(two_gains("pascal", "metre", extra)), fmus)

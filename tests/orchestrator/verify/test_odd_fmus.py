@@ -68,10 +68,7 @@ def test_a_plain_one_has_no_failure_and_a_fixed_parameter_that_can_be_set_late_i
     findings = odd()
     assert failures(findings) == []
     assert findings["fixed parameter"].verdict == REMARK
-    assert (
-        findings["fixed parameter"].why
-        == "'p' is fixed, but can be set after initialization, which a host must not do."
-    )
+    assert findings["fixed parameter"].why == "'p' is fixed, but can be set after initialization, which a host must not do."
     assert "processes" not in findings
 
 

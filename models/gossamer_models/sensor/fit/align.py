@@ -67,9 +67,7 @@ def align(
     DataError
         A record does not follow the others: its gain is not positive, or out of all proportion.
     """
-    settings = settings or PreisachSettings.of(
-        "preisach-hats", extension="reversing", earlier=True, ridge=3e-3, starts=1
-    )
+    settings = settings or PreisachSettings.of("preisach-hats", extension="reversing", earlier=True, ridge=3e-3, starts=1)
     settings = replace(settings, residual=0)
     own = [k for k, rows in enumerate(train) if rows.any()]
     scales = [

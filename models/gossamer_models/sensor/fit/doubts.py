@@ -107,9 +107,7 @@ def undetermined(fit: PreisachFit) -> str:
     """Return how many parameters of each block the data do not decide, but regularisation or a bound; for the provenance."""
     known, _ = parameters(fit)
     counts = Counter(p.name.split("[")[0] for p in known if not p.determined)
-    return (
-        ", ".join(f"{counts[b.name]} of {b.size} {_words(b.name)}" for b in fit.blocks if counts[b.name]) or "nothing"
-    )
+    return ", ".join(f"{counts[b.name]} of {b.size} {_words(b.name)}" for b in fit.blocks if counts[b.name]) or "nothing"
 
 
 def _words(block: str) -> str:
@@ -172,9 +170,7 @@ def _alike(fit: PreisachFit) -> str:
     _, covariances = parameters(fit)
     fixable = np.array([name.split("[")[0] in FIXED_BY for name in fit.names])
     masked = np.where(fixable[:, None] & fixable[None, :] | np.eye(fixable.size, dtype=bool), covariances, 0.0)
-    options = sorted(
-        {option(FIXED_BY[name.split("[")[0]]) for name, each in zip(fit.names, fixable, strict=True) if each}
-    )
+    options = sorted({option(FIXED_BY[name.split("[")[0]]) for name, each in zip(fit.names, fixable, strict=True) if each})
     return alike(fit.names, masked, f"Fix one of them ({' or '.join(options)}).")
 
 

@@ -207,9 +207,7 @@ def fit_preisach(
     if inverse and (settings.direct_inverse or not settings.invertible or settings.residual):
         artifact = replace(artifact, inverse=_direct_inverse(regression.stretches, y0, rise, settings))
     if y0 > 0.0:  # a resistance, not a signal
-        scales = Scales(
-            rest_resistance=y0 * unit, full_scale_resistance_change=rise * unit, full_scale_strain=full_scale
-        )
+        scales = Scales(rest_resistance=y0 * unit, full_scale_resistance_change=rise * unit, full_scale_strain=full_scale)
         artifact = replace(artifact, scales=scales)
     noise = noise_of(*(r.resistance[rows] for r, rows in zip(records, train, strict=True))) / (rise * unit)
     artifact = replace(artifact, noise=noise)

@@ -44,9 +44,7 @@ def solve(
                 name = f"start {k + 1} of {settings.starts}"
                 report = lambda i, cost, name=name: watch(name, i, 100.0 * np.sqrt(2.0 * cost / regression.samples))  # noqa: E731
             solutions.append(
-                solver.minimize(
-                    np.clip(start, problem.lower, problem.upper), most=settings.most_iterations, watch=report
-                )
+                solver.minimize(np.clip(start, problem.lower, problem.upper), most=settings.most_iterations, watch=report)
             )
     return solver, tuple(sorted(solutions, key=lambda s: s.cost))
 

@@ -15,16 +15,7 @@ from gossamer_files.plots import Panels
 
 from ...errors import ResultsError
 from ..dataset import find, find_all, need, parameters_of, zone_labels
-from ..judgements import (
-    LARGEST_MISFIT,
-    LARGEST_RISK,
-    LEAST_SIMILARITY,
-    MOST_WINDOWS,
-    changes,
-    doubts,
-    judge,
-    true_damage,
-)
+from ..judgements import LARGEST_MISFIT, LARGEST_RISK, LEAST_SIMILARITY, MOST_WINDOWS, changes, doubts, judge, true_damage
 from .recorded import Recorded, over_time
 
 MOST_MARKERS = 300  # more would be a line, and slow
@@ -68,9 +59,7 @@ class DamageHistory:
             self.true_time = run.time[rows]
             self.true = 100.0 * data[name].isel(time=rows).to_numpy().reshape(len(rows), -1)
         zones = self.true.shape[1]
-        self.estimated = 100.0 * np.array([window.estimated for window in ended]).reshape(
-            len(ended), -1 if ended else zones
-        )
+        self.estimated = 100.0 * np.array([window.estimated for window in ended]).reshape(len(ended), -1 if ended else zones)
         self.deviation = 100.0 * np.array([window.deviation for window in ended]).reshape(self.estimated.shape)
         self.zones = self.estimated.shape[1]
         self.labels = zone_labels(data, self.zones)
@@ -110,9 +99,7 @@ class DamageHistory:
         """Return those of the slider's instants that change something, with the judgement and the truth then, or -1."""
         found: list[tuple[float, int, int]] = []
         times = self.run.time[self.run.instants[0]]
-        judgements, truths = (
-            np.searchsorted(each, times + 1e-12, side="right") - 1 for each in (self.time, self.true_time)
-        )
+        judgements, truths = (np.searchsorted(each, times + 1e-12, side="right") - 1 for each in (self.time, self.true_time))
         for time, judged, known in zip(times.tolist(), judgements.tolist(), truths.tolist(), strict=True):
             if not found or found[-1][1:] != (judged, known):
                 found.append((time, judged, known))
@@ -145,9 +132,7 @@ def _cells(judged: DamageHistory, k: int, known: int) -> list[Trace]:
         texts.append("<br>".join(parts))
     shown = np.zeros(judged.zones) if values is None else values
     places, (column, row) = np.arange(1, side + 1), np.indices((side, side)).reshape(2, -1)[::-1] + 1
-    cells = heat(
-        places, places, shown.reshape(side, side), "%", zmin=0.0, zmax=judged.top, xgap=2, ygap=2, hoverinfo="skip"
-    )
+    cells = heat(places, places, shown.reshape(side, side), "%", zmin=0.0, zmax=judged.top, xgap=2, ygap=2, hoverinfo="skip")
     inks = [f"@over/{value / judged.top:.3f}" if valid else "@ink" for value in shown]
     not_valid = [_not_valid(side / 2.0 + 0.5, side + 0.7)] if not valid else []
     scale = "@damage" if valid else "@unsure"
@@ -163,9 +148,7 @@ def _map(judged: DamageHistory, steps: Stages) -> Chart:
     bare = {"showgrid": False, "zeroline": False, "showticklabels": False, "ticks": "", "constrain": "domain"}
     axes = {"xaxis": bare | {"range": [0.5, judged.side + 0.5]}, "yaxis": bare | {"range": ends, "scaleanchor": "x"}}
     if judged.time.size:
-        beside = (
-            ", and the true damage where there is some" if judged.true.size else "; the true damage is not recorded"
-        )
+        beside = ", and the true damage where there is some" if judged.true.size else "; the true damage is not recorded"
         grey = "" if judged.valid.all() else " A judgement that is not valid is grey."
         title, note = "Damage of the zones [%]", f"Zone number, estimate, standard deviation{beside}.{grey}"
     else:
@@ -212,9 +195,7 @@ def history_charts(judged: DamageHistory) -> list[Chart]:
     for i, z in enumerate(shown):
         if z in real:
             time, true = np.append(judged.true_time, end), np.append(judged.true[:, z], judged.true[-1, z])
-            traces.append(
-                curve(f"zone {judged.labels[z]}, true", time, true, f"@{i}", shape="hv", width=1.6, dash="dash")
-            )
+            traces.append(curve(f"zone {judged.labels[z]}, true", time, true, f"@{i}", shape="hv", width=1.6, dash="dash"))
     watch, unsure = judged.run.watch, not judged.valid.all()
     alarms, found = watch.get("alarms", []), watch.get("findings", [])
     if found:
@@ -233,9 +214,7 @@ def history_charts(judged: DamageHistory) -> list[Chart]:
         "A line marks each alarm of the digital twin, a diamond the onset that it found." * bool(alarms),
     ]
     marks = [rule(x=alarm, color="@alarm", dash="dashdot", width=2) for alarm in alarms]
-    text = "Estimated damage of the zones over time, true damage dashed, with alarms and onsets." * bool(
-        judged.time.size
-    )
+    text = "Estimated damage of the zones over time, true damage dashed, with alarms and onsets." * bool(judged.time.size)
     layout = {"yaxis": {"rangemode": "tozero"}}
     more = {"note": " ".join(filter(None, note)), "text": text, "layout": layout, "marks": marks, "broad": True}
     return [over_time("Damage over time", "damage [%]", traces, **more)]
@@ -254,9 +233,7 @@ def _judgements(judged: DamageHistory, shown: list[int]) -> list[Trace]:
     if rest or not judged.valid.all():
         others = judged.estimated[:, rest].max(axis=1) if rest else np.zeros(len(judged.time))
         largest = np.where(judged.valid, others, judged.estimated.max(axis=1))
-        traces.append(
-            curve("largest of the others", x, over_windows(largest), "@grey", width=1) | {"hoverinfo": "skip"}
-        )
+        traces.append(curve("largest of the others", x, over_windows(largest), "@grey", width=1) | {"hoverinfo": "skip"})
     for i, z in enumerate(shown if judged.valid.any() else []):
         if judged.sure:
             reach = 2.0 * np.nan_to_num(judged.deviation[:, z])
@@ -274,9 +251,7 @@ def _judgements(judged: DamageHistory, shown: list[int]) -> list[Trace]:
         some = judged.valid == valid
         if 0 < some.sum() <= MOST_MARKERS:
             heights = judged.estimated[some].max(axis=1)
-            traces.append(
-                points(name, judged.time[some], heights, "@ink", symbol=symbol, size=8) | {"hoverinfo": "skip"}
-            )
+            traces.append(points(name, judged.time[some], heights, "@ink", symbol=symbol, size=8) | {"hoverinfo": "skip"})
     return traces
 
 
@@ -344,9 +319,7 @@ def _indices(judged: DamageHistory) -> list[Chart]:
 
 def _damage(run: Recorded) -> Panels:
     last, judged = judge(run.data), DamageHistory(run)
-    k, known = (
-        int(np.searchsorted(each, last.time + 1e-12, side="right")) - 1 for each in (judged.time, judged.true_time)
-    )
+    k, known = (int(np.searchsorted(each, last.time + 1e-12, side="right")) - 1 for each in (judged.time, judged.true_time))
     charts = zone_charts(judged, [(last.time, k, known)])
     first = replace(charts[0], title=f"{charts[0].title.removesuffix(' [%]')}, judged at t = {last.time:.4f} s")
     later = "" if run.ended[-1].valid else doubts(run.data, run.ended)[0]

@@ -172,9 +172,7 @@ def _colours(
             values = np.array([rows[k] if k >= 0 else np.zeros(judged.zones) for k in places], dtype=float)
             valid = [column == 2 or k < 0 or bool(judged.valid[k]) for k in places]
             more = {"values": values, "time": time, "valid": valid, "least": judged.least if column == 1 else 1e-7}
-            colours.append(
-                {"name": name, "of": "zone", "ends": [0.0, judged.top], "unit": "%", "scale": "@damage"} | more
-            )
+            colours.append({"name": name, "of": "zone", "ends": [0.0, judged.top], "unit": "%", "scale": "@damage"} | more)
     return colours
 
 
@@ -203,9 +201,7 @@ def _load(run: Recorded) -> list[Chart]:
     for name in (each.removesuffix("_amplitude") for each in known if each.endswith("_amplitude")):
         if known[f"{name}_amplitude"] and f"{name}_frequency" in known:
             phase = 2.0 * math.pi * known[f"{name}_frequency"] * run.t + known.get(f"{name}_phase", 0.0)
-            traces.append(
-                curve(f"{name}, built in", run.t, known[f"{name}_amplitude"] * np.sin(phase), f"@{len(traces)}")
-            )
+            traces.append(curve(f"{name}, built in", run.t, known[f"{name}_amplitude"] * np.sin(phase), f"@{len(traces)}"))
     moved: list[Trace] = []
     for target in (f"{run.membrane}.{each}" for each in ("pressure", "gas_pressure", *_BASE)):
         name = target if target in run.data else origins.get(target, "")
@@ -226,9 +222,7 @@ def _strain(run: Recorded, found: list[FaceStrains] | None) -> list[Chart]:
     """Draw the largest strain of the membrane, and how much of it wrinkles or is slack, over time."""
     charts, name, time = [], f"{run.membrane}.largest_strain", run.time[run.instants[0]]
     if name in run.data:
-        charts.append(
-            over_time("Largest strain of the membrane", "strain [%]", [run.curve("largest", name, factor=100.0)])
-        )
+        charts.append(over_time("Largest strain of the membrane", "strain [%]", [run.curve("largest", name, factor=100.0)]))
     elif found:
         largest = np.array([100.0 * each.largest.max() for each in found])
         note = "Of all faces, at the slider's instants."
@@ -241,9 +235,7 @@ def _strain(run: Recorded, found: list[FaceStrains] | None) -> list[Chart]:
         traces = [curve(text, time, each, f"@{k}") for k, (text, each) in enumerate(zip(names, shares, strict=True))]
         layout = {"yaxis": {"rangemode": "tozero"}}
         note = "None at any instant." if not shares[0].any() else "Of the faces, at the slider's instants."
-        charts.append(
-            over_time("Wrinkled and slack share of the membrane", "share [%]", traces, note=note, layout=layout)
-        )
+        charts.append(over_time("Wrinkled and slack share of the membrane", "share [%]", traces, note=note, layout=layout))
     return charts
 
 
@@ -294,9 +286,7 @@ def plot_shape(history: ShapeHistory, title: str, figure: Figure) -> None:
     for some, edge, width in ((mark == TAUT, GREY, 0.1), (mark != TAUT, COLORS[1], 0.8)):
         if some.any():
             paint = colours.to_rgba(size[k][corners[some]].mean(axis=1))
-            ax.add_collection3d(
-                Poly3DCollection(places[corners[some]], facecolors=paint, edgecolors=edge, linewidths=width)
-            )
+            ax.add_collection3d(Poly3DCollection(places[corners[some]], facecolors=paint, edgecolors=edge, linewidths=width))
     low, high = places.min(axis=0), places.max(axis=0)
     room = np.maximum(0.02 * float((high - low).max()), 0.05 * (high - low))
     ax.set(xlim=(low[0] - room[0], high[0] + room[0]), ylim=(low[1] - room[1], high[1] + room[1]))
@@ -330,9 +320,7 @@ def _border(faces: Integers) -> list[int]:
     """Return the sides that belong to one of some faces only, as pairs of nodes."""
     quad = faces[:, 3] >= 0
     rings = [(faces[quad], (0, 1, 2, 3)), (faces[~quad], (0, 1, 2))]
-    sides = np.concatenate(
-        [ring[:, [a, b]] for ring, order in rings for a, b in zip(order, (*order[1:], 0), strict=True)]
-    )
+    sides = np.concatenate([ring[:, [a, b]] for ring, order in rings for a, b in zip(order, (*order[1:], 0), strict=True)])
     _, first, count = np.unique(np.sort(sides, axis=1), axis=0, return_index=True, return_counts=True)
     pairs: list[int] = sides[first[count == 1]].ravel().tolist()
     return pairs

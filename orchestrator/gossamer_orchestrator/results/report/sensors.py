@@ -31,9 +31,7 @@ def sensor_charts(run: Recorded) -> list[Chart]:
     """Return the charts of all sensors, of which a reader of the page chooses one."""
     charts: list[Chart] = []
     for reader in readers_of(run.data):
-        run.drawn |= {
-            name for name in (*(reader.true or ())[:1], reader.late, reader.resistance, reader.reading) if name
-        }
+        run.drawn |= {name for name in (*(reader.true or ())[:1], reader.late, reader.resistance, reader.reading) if name}
         run.drawn |= {name for name in (reader.deviation, f"{reader.compensator}.delay") if reader.late and name}
         charts += [
             *strain_charts(run, reader),
@@ -85,9 +83,7 @@ def _edge(reader: Reader, sign: float) -> Curve:
 
 
 def _error(run: Recorded, error: StrainError, choice: str) -> Chart:
-    traces = (
-        [] if error.reach is None else band("± 2 deviations", run.t, -100.0 * error.reach, 100.0 * error.reach, "@1")
-    )
+    traces = [] if error.reach is None else band("± 2 deviations", run.t, -100.0 * error.reach, 100.0 * error.reach, "@1")
     traces.append(curve("error", run.t, 100.0 * error.curve, "@0", width=1.2))
     known = np.abs(error.curve[np.isfinite(error.curve)])
     top = 150.0 * max(float(known.max(initial=0.0)), 1e-12)
@@ -129,9 +125,7 @@ def loop_charts(run: Recorded, reader: Reader) -> list[Chart]:
         "resistance [ohm]",
         "The diamond is the slider's time.",
     )
-    charts = [
-        Chart(title, x, y, loops, note=note, text=text, choice=reader.label, steps=_now(run, read, shift, measured))
-    ]
+    charts = [Chart(title, x, y, loops, note=note, text=text, choice=reader.label, steps=_now(run, read, shift, measured))]
     if spectra:
         powers = {"type": "log", "dtick": 1, "labelalias": {1: "10<sup>0</sup>", 10: "10<sup>1</sup>"}}
         powers |= {"minor": {"dtick": "D1", "ticks": "outside", "tickcolor": "@soft"}}
@@ -176,9 +170,7 @@ def _spectrogram(run: Recorded, reader: Reader) -> list[Chart]:
     cells = heat(time, frequency, level, "log10", zmin=max(float(level.min()), -10.0), hovertemplate=hover)
     note = "Decimal logarithm of the amplitude, under Hann's window, without the mean."
     text = "Amplitude of the strain over time and frequency."
-    return [
-        over_time("Spectrogram of the strain", "frequency [Hz]", [cells], note=note, text=text, choice=reader.label)
-    ]
+    return [over_time("Spectrogram of the strain", "frequency [Hz]", [cells], note=note, text=text, choice=reader.label)]
 
 
 def spectrum(time: Array, values: Array) -> tuple[Array, Array] | None:
