@@ -35,13 +35,13 @@ class TwinAnswer(Saved):
         The whole answer: validity, doubts, and what else was fitted.
     compared : str
         A sentence if only the beginning of the record was compared, else empty.
-    show_invalid : bool
-        Whether the zones of an answer that is not valid are shown.
+    shown : bool
+        Whether the zones are shown, not withheld.
     """
 
     answer: Answer
     compared: str
-    show_invalid: bool = False
+    shown: bool = True
 
     @property
     def data(self) -> xr.Dataset:
@@ -52,21 +52,16 @@ class TwinAnswer(Saved):
         import xarray as xr
 
         answer, ratio, n = self.answer, {"units": "1"}, self.answer.damage.size
-        dimensions = {
-            "damage": "zone",
-            "deviation": "zone",
-            "probability": "zone",
-            "bounds": ("zone", "bound"),
-            "covariance": ("zone", "other_zone"),
-        }
-        known = {"damage": answer.determined}
         values = {
-            name: (axes, np.where(self._shown & known.get(name, True), getattr(answer, name), np.nan), ratio)
-            for name, axes in dimensions.items()
+            "damage": (["zone"], answer.value),
+            "deviation": (["zone"], answer.deviation),
+            "probability": (["zone"], answer.probability),
+            "bounds": (["zone", "bound"], answer.bounds),
+            "covariance": (["zone", "other_zone"], answer.covariance),
         }
         together = [", ".join(others) for others in answer.together_with]
         return xr.Dataset(
-            values,
+            {name: (axes, np.where(self.shown, each, np.nan), ratio) for name, (axes, each) in values.items()},
             coords=zone_coordinates(answer.zones)
             | {"other_zone": np.arange(1, n + 1), "bound": ["low", "high"], "together_with": ("zone", together)},
             attrs={
@@ -79,10 +74,6 @@ class TwinAnswer(Saved):
     def exit_code(self) -> int:
         """Return the exit code."""
         return 0 if self.answer.valid else INVALID
-
-    @property
-    def _shown(self) -> bool:
-        return self.answer.valid or self.show_invalid
 
     @property
     def _verdict(self) -> str:
@@ -115,13 +106,13 @@ class TwinAnswer(Saved):
         """Draw the damage of the zones, unless it is withheld."""
         from .pages.twin import answer_chart
 
-        return as_png(answer_chart(self.answer)) if self._shown else None
+        return as_png(answer_chart(self.answer)) if self.shown else None
 
     def tables(self) -> list[TableText]:
         """Return a row per zone."""
         from .pages.twin import zone_cells
 
-        return [zone_cells(self.answer, shown=self._shown)]
+        return [zone_cells(self.answer, shown=self.shown)]
 
     def to_json(self) -> dict[str, Any]:
         """Return the answer."""
@@ -131,7 +122,7 @@ class TwinAnswer(Saved):
         return {
             "file": self.path,
             "page": self.page,
-            **self.answer.as_json(show_invalid=self.show_invalid),
+            **self.answer.as_json(show_invalid=self.shown),
             "units": units,
         }
 
@@ -234,12 +225,13 @@ def twin(
             found.record,
             report=lambda seconds, made: bar.update(text=f"{seconds:.3g} s of the record, {made} simulations,"),
         )
+    shown = answer.valid or show_invalid
     logger.info("%d simulations for %d values", answer.simulations, answer.samples)
     with replacing(path) as unfinished:
-        unfinished.write_text(json.dumps(answer.as_json(show_invalid=show_invalid), indent=1) + "\n", encoding="utf-8")
+        unfinished.write_text(json.dumps(answer.as_json(show_invalid=shown), indent=1) + "\n", encoding="utf-8")
     compared = _compared(source, found.record, answer.record, stop)
-    pages = save_page(lambda: twin_page(name_of(source), answer, compared, show_invalid=show_invalid), path.with_suffix(""))
-    return TwinAnswer(files=[path, *pages], answer=answer, compared=compared, show_invalid=show_invalid)
+    pages = save_page(lambda: twin_page(name_of(source), answer, compared, shown=shown), path.with_suffix(""))
+    return TwinAnswer(files=[path, *pages], answer=answer, compared=compared, shown=shown)
 
 
 def _compared(path: Path, given: ResponseRecord, used: ResponseRecord, stop: float | None) -> str:

@@ -86,7 +86,7 @@ class Run(Result):
     @property
     def valid(self) -> bool | None:
         """Whether the last judgement of the detector and what the twin saw are valid; None if nothing was judged."""
-        from .watching import LARGE
+        from gossamer_orchestrator.results.files import LARGE
 
         judged = self.judgements[-1].valid if self.judgements else None
         if self.watched is None:

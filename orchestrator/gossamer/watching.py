@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 
 LEAST_WINDOW = 20  # samples
 ROUNDING = 1e-9
-LARGE = 2.0  # chi2 per sample of a window that the twin does not explain
 FALSE_ALARMS = 1e-5
 FITTING = "fitting onset and damage"
 UNITS = {"alarms": "s", "onset": "s", "onset_deviation": "s", "damage": "1", "deviation": "1", "misfit": "1"}
@@ -94,6 +93,8 @@ class Watching(Saved):
     @property
     def explained(self) -> bool:
         """Whether the twin explains the last window."""
+        from gossamer_orchestrator.results.files import LARGE
+
         return self.misfits[-1] <= LARGE
 
     @property

@@ -5,19 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from gossamer_models import ArtifactError, DataError, ParameterError
+from gossamer_models import DataError, ParameterError
 from gossamer_models.membrane import MembraneParams, square_structure
 from gossamer_models.sensor import default_artifact
 from gossamer_models.twin import MembraneForward, ResponseRecord, Twin, make_record, read_table
-from gossamer_models.twin.discrepancy import SPACING, Discrepancy, default_discrepancy, learn, spline_matrix
-from gossamer_models.twin.least_squares import Quadratic, bounded_minimum
-from gossamer_models.twin.problem import NoiseWeights, SplineWeights
+from gossamer_models.twin.discrepancy import SPACING, Discrepancy
 from gossamer_models.twin.record import dead_sensors
-from gossamer_models.twin.search import THRESHOLD, Box, alternatives
 from gossamer_models.twin.simulation import SensedForward
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from scipy.optimize import lsq_linear
 
 pytest.importorskip("ziglang", reason="the twin needs the compiler for its speed")
 
@@ -309,56 +303,6 @@ def test_a_record_may_begin_after_the_load():
     assert not record.present[:, :49].any()
 
 
-matrices = st.integers(0, 10_000).map(lambda seed: np.random.default_rng(seed).standard_normal((12, 7)))
-
-
-@settings(max_examples=50, deadline=None)
-@given(J=matrices, r=st.integers(0, 10_000).map(lambda seed: 3.0 * np.random.default_rng(seed).standard_normal(12)))
-def test_the_bounded_minimum_is_that_of_scipy(J, r):
-    low, high = np.full(7, -0.3), np.full(7, 0.4)
-    expected = lsq_linear(J, r, (low, high), method="bvls", tol=1e-12).x
-    np.testing.assert_allclose(bounded_minimum(J.T @ J, J.T @ r, low, high), expected, atol=1e-6)
-
-
-def test_a_damage_that_may_as_well_be_in_another_zone_is_that_uncertain():
-    """Two zones whose effects are (1, t) and (1, -t) read (m, 0): sets of one zone, of the other, or both in closed form."""
-    t, m, noise = 0.1, 0.2, 0.02
-    J, y = np.array([[1.0, 1.0], [t, -t]]) / noise, np.array([m, 0.0]) / noise
-    alone = m / (1.0 + t**2)
-    at = np.array([alone, 0.0])
-    model = Quadratic(A=J.T @ J, g=J.T @ (y - J @ at), at=at)
-    limits = Box(zones=np.array([True, True]), low=-at, high=0.95 - at)
-    both = np.exp(-(THRESHOLD - (m * t / noise) ** 2 / (1.0 + t**2)) / 2.0)
-    none = np.exp(-((m / noise) ** 2 / (1.0 + t**2) - THRESHOLD) / 2.0)
-    total = 2.0 + both + none
-    found = alternatives(model, limits, np.array([True, False]))
-    assert found.probability == pytest.approx([(1.0 + both) / total] * 2, abs=1e-12)
-    moves = np.array([[0.0, 0.0], [-alone, alone], [m / 2.0 - alone, m / 2.0], [-alone, 0.0]])
-    weights = np.array([1.0, 1.0, both, none]) / total
-    np.testing.assert_allclose(found.spread, np.einsum("k,ki,kj->ij", weights, moves, moves), atol=1e-12)
-
-
-def test_splines_weigh_by_the_inverse_of_the_covariance():
-    """Against the dense covariance of the projected residuals, with gaps."""
-    random = np.random.default_rng(2)
-    n, length = 100, 10 * SPACING
-    h = length / n
-    present = random.random((4, n)) < 0.9
-    noise, error = np.array([1.0, 2.0, 0.5, 1.0]), random.standard_normal((3, 4, n))
-    splines = spline_matrix(n, h, length)
-    P = np.vstack([np.kron(np.eye(4)[k], splines[t]) / noise[k] for k, t in np.argwhere(present)])
-    e = np.vstack([(row / noise[:, None])[present] for row in error])
-    S = P.T @ (np.eye(present.sum()) + e.T @ e) @ P
-    r = random.standard_normal((4, n))
-    c = P.T @ (r / noise[:, None])[present]
-    weights = SplineWeights(present, noise, error, h, length)
-    z = weights.weigh(r[None])[0]
-    assert weights.values == 4 * 13
-    assert z @ z == pytest.approx(c @ np.linalg.solve(S, c), rel=1e-9)
-    plain = NoiseWeights(present, noise).weigh(r[None])[0]
-    assert plain @ plain == pytest.approx(np.sum((r / noise[:, None])[present] ** 2))
-
-
 def test_what_the_learned_error_does_not_cover_is_neither_compared_nor_simulated(forward):
     length = 45 * SPACING  # 0.15 of 0.18 s
     none = Discrepancy(elements_per_side=4, order=1, length=length, components=np.zeros((1, 4, 48)), provenance={})
@@ -379,27 +323,3 @@ def test_a_hopeless_record_is_given_up_soon(forward, twin):
     given_up, found = (twin.fit(ResponseRecord(step=STEP, values=values, noise=NOISE)) for values in (wrong, right))
     assert not given_up.valid
     assert given_up.simulations < 2 * found.simulations
-
-
-def test_a_learned_covariance_is_that_of_its_pairs():
-    random = np.random.default_rng(4)
-    n, h = 200, 12 * SPACING / 200
-    shapes = spline_matrix(n, h, n * h)[:, 3:8]
-    delta = 1e-3 * random.standard_normal((400, 4, 5)) @ shapes.T
-    components = learn(delta, h, share=1.0)
-    found = Discrepancy(elements_per_side=4, order=4, length=n * h, components=components, provenance={}).basis(n, h)
-    expected = np.einsum("pit,pju->itju", delta, delta) / len(delta)
-    np.testing.assert_allclose(np.einsum("pit,pju->itju", found, found), expected, atol=1e-12)
-    with pytest.raises(DataError, match="too few"):
-        learn(delta[:10], h)
-
-
-def test_the_shipped_discrepancy_survives_writing_and_refuses_another_file(tmp_path):
-    shipped = default_discrepancy()
-    assert (shipped.elements_per_side, shipped.order, shipped.length) == (4, 4, 0.3)
-    shipped.write(tmp_path / "d.json")
-    np.testing.assert_allclose(Discrepancy.read(tmp_path / "d.json").components, shipped.components, atol=1e-7)
-    assert not shipped.basis(20, 0.1)[:, :, 3:].any()
-    (tmp_path / "d.npz").write_bytes(b"nothing")
-    with pytest.raises(ArtifactError, match="SHA-256"):
-        Discrepancy.read(tmp_path / "d.json")

@@ -82,6 +82,11 @@ class Answer:
         return np.asarray((self.deviation <= DETERMINED) & ~self._untold)
 
     @property
+    def value(self) -> Vector:
+        """Damage of each zone that is determined [1], shape (zones,); not a number of the others."""
+        return np.where(self.determined, self.damage, np.nan)
+
+    @property
     def bounds(self) -> Matrix:
         """Between which the damage of each zone lies in 95 of 100 records that the twin explains [1], shape (zones, 2)."""
         reach = np.where(self._untold, 1.0, WIDTH * self.deviation)
@@ -101,13 +106,13 @@ class Answer:
         show_invalid : bool
             Whether the zones of an answer that is not valid are shown.
         """
-        left_out = ("record", "predicted", *(OF_ZONES if not (self.valid or show_invalid) else ()))
+        shown = self.valid or show_invalid
+        left_out = ("record", "predicted", *(() if shown else OF_ZONES))
         found = {
             name: value.tolist() if isinstance(value := getattr(self, name), np.ndarray) else value
             for name in (*self.__dataclass_fields__, "determined", "bounds")
             if name not in left_out
         }
-        if not self.valid and not show_invalid:
+        if not shown:
             return found | dict.fromkeys(OF_ZONES)
-        damage = [value if known else None for value, known in zip(self.damage.tolist(), self.determined, strict=True)]
-        return found | {"damage": damage}
+        return found | {"damage": [None if np.isnan(value) else value for value in self.value.tolist()]}

@@ -10,7 +10,7 @@ in no way that a regression with some hundred pairs finds, so it is described by
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 
@@ -21,12 +21,22 @@ from scipy.interpolate import BSpline
 from ..arrays import Matrix
 from ..artifacts import read_arrays, read_artifact, write_artifact
 from ..errors import ArtifactError, DataError
+from ..membrane import MembraneParams, square_structure
+from .forward import Forward, MembraneForward
 
 SCHEMA, VERSION = "gossamer.discrepancy", 1
 DEFAULT_PATH = Path(__file__).with_name("order_4.json")
 SPACING = 1.0 / 300.0  # [s] of the knots: what is faster than half of 1/SPACING is not compared
 DEGREE = 3
 LEVELS = 32767  # of the numbers in a file
+# How far membrane and load may be from those that the discrepancy was learned with, as a share.
+LEARNED = {
+    "pressure_amplitude": 0.15,
+    "pressure_frequency": 0.08,
+    "pressure_phase": 0.2,
+    "mass_damping": 1.5,
+    "youngs_modulus": 0.05,
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,3 +149,21 @@ def learn(delta: Matrix, h: float, share: float = 0.99) -> Matrix:
 def default_discrepancy() -> Discrepancy:
     """Read the discrepancy of the default mesh, which ships with the package."""
     return Discrepancy.read()
+
+
+def is_learned(forward: Forward) -> bool:
+    """Tell whether the discrepancy that ships was learned for a mesh and a membrane like these."""
+    if not isinstance(forward, MembraneForward):
+        return False
+    structure, given = forward.structure, forward.parameters
+    learned, default = default_discrepancy(), asdict(MembraneParams())
+    square = square_structure(learned.elements_per_side, learned.order)
+    here, there = structure.mesh.nodes, square.mesh.nodes
+    if structure.setup.law != square.setup.law or here.shape != there.shape or not np.allclose(here, there):
+        return False
+    if (structure.setup.zones, structure.setup.sensors) != (square.setup.zones, square.setup.sensors):
+        return False
+    ratios = {name: given[name] / value if value else 1.0 + abs(given[name]) for name, value in default.items()}
+    return all(
+        1.0 / (1.0 + LEARNED.get(name, 1e-9)) <= ratio <= 1.0 + LEARNED.get(name, 1e-9) for name, ratio in ratios.items()
+    )

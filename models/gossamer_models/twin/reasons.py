@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import ConvergenceError
-from .least_squares import Point, bounded_minimum, change, descend
+from .least_squares import Point, descend
 from .problem import RecordProblem
-from .search import ROUGH, Fit
+from .search import ROUGH, Fit, box
+from .zone_sets import smallest
 
 WORTH = 0.5  # of chi2, left at most by a reason that is named
 TRIED = 2  # reasons that are fitted, those that promise most
@@ -49,18 +50,13 @@ def likely_reason(fit: Fit, wider: RecordProblem) -> str | None:
     unknown = np.flatnonzero(~known).tolist()
     kinds = [names[k - zones].partition("[")[0] for k in unknown]
     together = [tuple(k for k, kind in zip(unknown, kinds, strict=True) if kind == one) for one in dict.fromkeys(kinds)]
-    promised, found = {}, list[tuple[Point, tuple[int, ...]]]()
-    for some in dict.fromkeys([*((k,) for k in unknown), *together]):
-        free = known | np.isin(np.arange(wider.size), some)
-        A, g = model.A[np.ix_(free, free)], model.g[free]
-        move = bounded_minimum(A, g, (wider.low - x)[free], (wider.high - x)[free])
-        promised[some] = change(A, g, move)
-    undamaged = np.where(np.arange(wider.size) < zones, 0.0, x)
+    free = {some: known | np.isin(np.arange(wider.size), some) for some in [*((k,) for k in unknown), *together]}
+    promised = {some: smallest(model, box(wider, x), each)[0] for some, each in free.items()}
+    undamaged, found = np.where(np.arange(wider.size) < zones, 0.0, x), list[tuple[Point, tuple[int, ...]]]()
     for some in sorted(promised, key=lambda each: promised[each])[:TRIED]:
-        free = known | np.isin(np.arange(wider.size), some)
         for start in (x, undamaged):
             try:
-                found.append((descend(wider, start, free, STEPS, enough=ROUGH).point, some))
+                found.append((descend(wider, start, free[some], STEPS, enough=ROUGH).point, some))
             except ConvergenceError:
                 continue
     if not found:

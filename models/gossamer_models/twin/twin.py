@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
 from typing import Literal
 
 import numpy as np
@@ -15,11 +14,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Matrix, Rows
 from ..errors import DataError, ParameterError
-from ..membrane import MembraneParams, Structure, square_structure
+from ..membrane import Structure
 from ..sensor import SensorArtifact
 from .answer import Answer
-from .discrepancy import Discrepancy, default_discrepancy
-from .forward import Forward, MembraneForward, forward_of
+from .discrepancy import Discrepancy, default_discrepancy, is_learned
+from .forward import Forward, forward_of
 from .groups import UNRESOLVED, alike, untold, without_nuisances
 from .least_squares import MOST_DAMAGE, PRIOR_DEVIATION, descend
 from .mesh_error import MeshErrors
@@ -27,20 +26,13 @@ from .nuisances import KNOTS, MODULUS, Loads, Nuisances, check_names, possible
 from .problem import RecordProblem
 from .reasons import likely_reason
 from .record import LEAST_SAMPLES, ResponseRecord, StaticRecord, Wiring, best_wiring, dead_sensors, other_wirings
-from .search import HOPELESS, ROUGH, Fit, alternatives, box, chi2_bound, drop_zones, misfit, modulus_instead, search
+from .search import HOPELESS, ROUGH, Fit, box, chi2_bound, misfit, modulus_instead, search
 from .simulation import SensedForward
+from .zone_sets import alternatives, drop_zones
 
 EARLY = (0.6, 2.0)  # first periods of the first stages: early, chi2 has one valley; over two periods it has several
 VALLEY = 0.7  # first periods over which chi2 has one valley, at most
 MOST_STEPS = 5000  # internal steps that are compared, unless the record is said to be compared whole
-# How far membrane and load may be from those that the discrepancy was learned with, as a share.
-LEARNED = {
-    "pressure_amplitude": 0.15,
-    "pressure_frequency": 0.08,
-    "pressure_phase": 0.2,
-    "mass_damping": 1.5,
-    "youngs_modulus": 0.05,
-}
 
 
 class Twin:
@@ -106,7 +98,7 @@ class Twin:
         self.parameters = self._forward.parameters
         check_names(self.nuisances, self._forward.inputs)
         if discrepancy == "learned":
-            discrepancy = default_discrepancy() if _is_learned(self._forward) else None
+            discrepancy = default_discrepancy() if is_learned(self._forward) else None
         self.discrepancy = discrepancy
 
     @property
@@ -373,24 +365,6 @@ def _together(groups: NDArray[np.int64], names: Sequence[str]) -> tuple[tuple[st
     return tuple(
         tuple(names[other] for other in np.flatnonzero(groups == group).tolist() if other != zone)
         for zone, group in enumerate(groups.tolist())
-    )
-
-
-def _is_learned(forward: Forward) -> bool:
-    """Tell whether the learned discrepancy holds for a mesh and a membrane."""
-    if not isinstance(forward, MembraneForward):
-        return False
-    structure, given = forward.structure, forward.parameters
-    learned, default = default_discrepancy(), asdict(MembraneParams())
-    square = square_structure(learned.elements_per_side, learned.order)
-    here, there = structure.mesh.nodes, square.mesh.nodes
-    if structure.setup.law != square.setup.law or here.shape != there.shape or not np.allclose(here, there):
-        return False
-    if (structure.setup.zones, structure.setup.sensors) != (square.setup.zones, square.setup.sensors):
-        return False
-    ratios = {name: given[name] / value if value else 1.0 + abs(given[name]) for name, value in default.items()}
-    return all(
-        1.0 / (1.0 + LEARNED.get(name, 1e-9)) <= ratio <= 1.0 + LEARNED.get(name, 1e-9) for name, ratio in ratios.items()
     )
 
 

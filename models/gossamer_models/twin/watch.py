@@ -22,8 +22,8 @@ from .evidence import Evidence
 from .forward import WORKERS, Forward, forward_of
 from .least_squares import MOST_DAMAGE, Minimum, Quadratic, descend
 from .onset import JudgedWindow, OnsetProblem, weigh
-from .search import Box, drop_zones
 from .simulation import Place, SensedForward
+from .zone_sets import Box, drop_zones
 
 MEMORY = 3  # windows that are judged together
 BEGINNINGS = 2  # onsets in each window that the neighbours have

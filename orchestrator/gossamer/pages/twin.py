@@ -17,7 +17,7 @@ from gossamer_orchestrator.words import uncertain
 NUISANCE_UNITS = {"phase": "rad", "pressure": "Pa"}  # of what is fitted beside damage; the others are ratios
 
 
-def twin_page(name: str, answer: Answer, compared: str, *, show_invalid: bool = False) -> Page:
+def twin_page(name: str, answer: Answer, compared: str, *, shown: bool) -> Page:
     """Describe what the twin says of a record, and how what its sensors read compares with it.
 
     Parameters
@@ -28,10 +28,9 @@ def twin_page(name: str, answer: Answer, compared: str, *, show_invalid: bool = 
         What was fitted.
     compared : str
         A sentence if only the beginning of the record was compared.
-    show_invalid : bool
-        Whether the zones of an answer that is not valid are shown.
+    shown : bool
+        Whether the zones are shown, not withheld.
     """
-    shown = answer.valid or show_invalid
     labels = [zone_label(name) for name in answer.zones]
     parts = []
     for z in np.flatnonzero(answer.damage > 0.0).tolist():
@@ -121,8 +120,7 @@ def damage_chart(names: Sequence[str], damage: Vector, deviation: Vector, bounds
 
 def answer_chart(answer: Answer) -> Chart:
     """Draw the damage of each zone that is determined, and the bounds of the others."""
-    damage = np.where(answer.determined, answer.damage, np.nan)
-    return damage_chart(answer.zones, damage, answer.deviation, answer.bounds)
+    return damage_chart(answer.zones, answer.value, answer.deviation, answer.bounds)
 
 
 def _damage(answer: Answer) -> list[Chart]:

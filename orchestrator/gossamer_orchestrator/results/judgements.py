@@ -57,9 +57,14 @@ class Judgement:
     valid: bool = True
     zones: tuple[str, ...] = ()
 
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What stands for each zone after the word "zone"."""
+        return self.zones or tuple(str(k + 1) for k in range(self.estimated.size))
+
     def label(self, zone: int) -> str:
         """Return what stands for a zone, counted from 0, after the word "zone"."""
-        return self.zones[zone] if self.zones else str(zone + 1)
+        return self.labels[zone]
 
     @property
     def mean_absolute_error(self) -> float:

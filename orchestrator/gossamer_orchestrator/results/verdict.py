@@ -88,7 +88,7 @@ def make_verdict(data: xr.Dataset, ended: Sequence[Judgement], watched: dict[str
         sentence = f"No damage: {_judged(last)}{_undamaged(last, rest, certain)}."
         if alarmed:
             sentence += " But the digital twin raised an alarm."
-    more.insert(0, _truth(last.estimated, last.true, [last.label(zone) for zone in range(last.estimated.size)]))
+    more.insert(0, _truth(last.estimated, last.true, last.labels))
     clear = ended[-1].valid and not (alarmed or sensing)  # else what came later is not known
     return Verdict("damage" if found else "healthy" if clear else "invalid", sentence, reasons + more)
 
@@ -149,8 +149,7 @@ def _beside_twin(finding: Mapping[str, Any], ended: Sequence[Judgement]) -> list
 def _judged(last: Judgement) -> str:
     """Say what a judgement found, and when."""
     found = found_zones(last)
-    labels = [last.label(zone) for zone in range(last.estimated.size)]
-    listed = _listed(last.estimated, last.deviation, found, 1, labels) + ", " if found else ""
+    listed = _listed(last.estimated, last.deviation, found, 1, last.labels) + ", " if found else ""
     return f"{listed}judged at t = {last.time:.4f} s"
 
 

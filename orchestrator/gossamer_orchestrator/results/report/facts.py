@@ -132,11 +132,12 @@ def judgement_tables(ended: Sequence[Judgement]) -> str:
     known, certain = (bool(np.isfinite(x).all()) for x in (ended[-1].true, ended[-1].deviation))
     parts = []
     for last in [window for window in ended if window.valid][-1:]:
-        named = ["name"] * (last.zones != tuple(str(k + 1) for k in range(len(last.estimated))))
+        numbers = tuple(str(k + 1) for k in range(len(last.estimated)))
+        named = ["name"] * (last.labels != numbers)
         head = ["zone", *named, *["true [%]"] * known, "estimated [%]", *["standard deviation [%]"] * certain]
         columns = [[f"{100 * x:.1f}" for x in each] for each in (*[last.true] * known, last.estimated)]
         columns += [[f"{100 * x:.2f}" for x in last.deviation]] * certain
-        rows = zip(map(str, range(1, len(last.estimated) + 1)), *[last.zones] * len(named), *columns, strict=True)
+        rows = zip(numbers, *[last.labels] * len(named), *columns, strict=True)
         inner = table(head, rows, f"Damage of every zone at t = {last.time:.4f} s")
         parts.append(folded("Damage in numbers", inner))
     return "\n".join([*parts, folded(counted(len(ended), "window"), on_page(window_table(ended, SHOWN_WINDOWS)))])
