@@ -28,6 +28,7 @@ from .loop_code import loop_sources, table_sizes
 
 TABLES_FILE = "tables.bin"
 _LONG, _MANY = 1_000, 100_000  # numbers of a list, and of all such lists, that text and every library need not repeat
+_FACTORS = re.compile(r"^( *)(casadi_real lt\[\d+\], d\[\d+\], w\[\d+\];)$", re.MULTILINE)
 _LIST = re.compile(r"static const casadi_real (casadi_c\d+)\[\d+\] =\s*\{([^}]*)\};")
 
 
@@ -62,7 +63,8 @@ def sources(model: StepModel, guid: str, fmi: FmiVersion) -> dict[str, bytes]:
     if tables:
         sizes |= {"TABLES_FILE": f'"{TABLES_FILE}"', "TABLES_CHECKSUM": zlib.crc32(tables)}
         files |= {"tables.h": (here / "tables.h").read_bytes(), TABLES_FILE: tables}
-    files["functions.h"] = code.encode()
+    # factors of large membranes do not fit on the stack of a host's thread
+    files["functions.h"] = _FACTORS.sub(r"\1static _Thread_local \2", code).encode()
     return files | {"model.h": _model_header(model, guid, functions, sizes).encode()}
 
 

@@ -3,7 +3,9 @@
 import math
 import shutil
 import subprocess
+from pathlib import Path
 
+import fmpy
 import numpy as np
 import pytest
 from gossamer_fmus.c_code import sources, with_guid
@@ -86,3 +88,13 @@ def test_sources_of_two_fmus_can_be_linked_into_one_program(tmp_path):
     program = str(tmp_path / "main")
     subprocess.run(["gcc", str(tmp_path / "main.c"), *objects, "-lm", "-o", program], check=True)
     assert subprocess.run([program], check=False).returncode == 0
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="looks at the frames of gcc, which is not installed")
+def test_the_factors_of_a_large_membrane_are_not_on_the_stack(tmp_path):
+    """A host's thread may have some 100 KB; the factors of 100 x 100 elements take 10 MB."""
+    for file, content in sources(membrane_model(square_structure(16, 1), compiled=True), "", 2).items():
+        (tmp_path / file).write_bytes(content)
+    headers = Path(fmpy.__file__).parent / "c-code"
+    command = ["gcc", "-O0", "-c", "fmi2.c", "-o", "/dev/null", "-I", str(headers), "-Werror=frame-larger-than=20000"]
+    subprocess.run(command, cwd=tmp_path, check=True)

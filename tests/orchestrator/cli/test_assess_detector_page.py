@@ -154,6 +154,7 @@ def test_in_a_browser_all_names_find_place_and_the_numbers_stand_by_name(browser
     assert np.diff(tops).min() > 12.0
     assert page.evaluate("Math.min(...page.figures.map((each) => each.div.clientHeight))") >= 300
     figure.locator("summary").click()
+    figure.locator("tbody td").first.wait_for()
     cells = figure.locator("tbody tr").first.locator("th, td").all_text_contents()
     assert cells[:2] + cells[4:5] == ["noise", "75", "75"]
     assert page.evaluate("document.documentElement.scrollWidth") <= 400
