@@ -10,6 +10,7 @@ from gossamer_models.membrane import MembraneParams, square_structure
 from gossamer_models.sensor import default_artifact
 from gossamer_models.twin import MembraneForward, ResponseRecord, Twin, make_record, read_table
 from gossamer_models.twin.discrepancy import SPACING, Discrepancy
+from gossamer_models.twin.nuisances import BY_DEFAULT
 from gossamer_models.twin.record import dead_sensors
 from gossamer_models.twin.simulation import SensedForward
 
@@ -128,6 +129,34 @@ def test_on_resistance_the_sensor_runs_inside_the_twin(forward, twin):
 
 
 @pytest.mark.parametrize(
+    ("name", "true", "parameters"),
+    [
+        ("amplitude", 0.97, {"pressure_amplitude": 0.97e4}),
+        ("frequency", 1.02, {"pressure_frequency": 7.9 * 1.02}),
+        ("damping", 1.5, {"mass_damping": 30.0}),
+        ("modulus", 0.95, {"youngs_modulus": 0.95e7}),
+        ("density", 1.05, {"density": 1155.0}),
+        ("prestrain", 0.95, {"edge_displacement": 0.0057}),
+        ("gain[2]", 0.95, {}),
+        ("clock", 2.0, {}),
+    ],
+)
+def test_what_is_off_beside_the_damage_is_allowed_for_and_told(forward, twin, name, true, parameters):
+    """The twin is told nothing; what is off by more than two deviations of its prior is said."""
+    values = strain(forward, TWO, 2e-3, **parameters)
+    values[1] *= true if name == "gain[2]" else 1.0
+    if name == "clock":
+        values = np.hstack([values[:, :1], values[:, :1], values[:, :-2]])
+    answer = twin.fit(ResponseRecord(step=STEP, values=values, noise=NOISE / 10.0))
+    assert answer.valid
+    np.testing.assert_allclose(answer.damage, TWO, atol=0.01)
+    value, deviation = answer.nuisances[name]
+    assert abs(value - true) < 4.0 * deviation
+    said = {"modulus": "Young's modulus is 0.95", "gain[2]": "sensor 2 has a gain of 0.95"}
+    assert [each[: len(said[name])] for each in answer.doubts] == [said[name]] if name in said else answer.doubts == ()
+
+
+@pytest.mark.parametrize(
     ("parameters", "gain", "reason"),
     [
         ({"pressure_amplitude": 0.9e4}, 1.0, "most likely the load is 0.9 times as large: with amplitude fitted too"),
@@ -136,9 +165,12 @@ def test_on_resistance_the_sensor_runs_inside_the_twin(forward, twin):
         ({}, 0.97, "most likely sensor 1 has a gain of 0.97"),
     ],
 )
-def test_what_is_wrong_beside_the_damage_is_not_valid_and_named(forward, twin, parameters, gain, reason):
+def test_what_is_wrong_beside_the_damage_is_not_valid_and_named(forward, parameters, gain, reason):
+    """Where it was said to be known."""
     values = gain * strain(forward, TWO, 2e-3, **parameters)
-    answer = twin.fit(ResponseRecord(step=STEP, values=values, noise=NOISE / 10.0))
+    answer = Twin(SQUARE, nuisances=("offset",), known=BY_DEFAULT).fit(
+        ResponseRecord(step=STEP, values=values, noise=NOISE / 10.0)
+    )
     assert not answer.valid
     assert answer.doubts[0].startswith(reason)
     assert "does not explain the record" in answer.doubts[-1]
@@ -163,14 +195,14 @@ def test_zones_that_are_not_determined_have_bounds_and_what_is_not_valid_is_with
 def test_a_softer_membrane_is_no_damage_of_all_zones(forward):
     """Young's modulus and equal damage everywhere are the same to a record."""
     record = ResponseRecord(step=STEP, values=strain(forward, np.zeros(16), youngs_modulus=0.97e7), noise=1e-4)
-    for sparse in (False, True):
-        answer = Twin(SQUARE, sparse=sparse).fit(record)
-        assert not answer.valid
-        assert "Young's modulus" in answer.doubts[-1]
-    answer = Twin(SQUARE, nuisances=("modulus",)).fit(record)
-    assert answer.valid
-    assert not answer.damage.any()
-    assert answer.nuisances["modulus"][0] == pytest.approx(0.97, abs=1e-3)
+    for nuisances in ((), ("modulus",)):
+        answer = Twin(SQUARE, nuisances=nuisances).fit(record)
+        assert answer.valid
+        assert not answer.damage.any()
+        value, deviation = answer.nuisances["modulus"]
+        assert abs(value - 0.97) < 4.0 * deviation < 0.03
+    everywhere = Twin(SQUARE, sparse=False).fit(record)
+    assert np.all(everywhere.damage < 3.0 * everywhere.deviation)
 
 
 def test_a_false_minimum_is_left_for_another_start(forward, twin):
@@ -318,7 +350,7 @@ def test_what_the_learned_error_does_not_cover_is_neither_compared_nor_simulated
 
 def test_a_hopeless_record_is_given_up_soon(forward, twin):
     """Noise of a thousandth of that of the record: no damage explains it, and no other start is tried."""
-    wrong = strain(forward, TWO, 0.02, pressure_frequency=9.0)
+    wrong = strain(forward, TWO, 0.02, pressure_phase=1.2)
     right = strain(forward, TWO, 0.02)
     given_up, found = (twin.fit(ResponseRecord(step=STEP, values=values, noise=NOISE)) for values in (wrong, right))
     assert not given_up.valid

@@ -5,7 +5,7 @@ import pytest
 from gossamer_models import ArtifactError, DataError
 from gossamer_models.twin.discrepancy import SPACING, Discrepancy, default_discrepancy, learn, spline_matrix
 from gossamer_models.twin.least_squares import Quadratic, bounded_minimum
-from gossamer_models.twin.problem import NoiseWeights, SplineWeights
+from gossamer_models.twin.problem import RecordWeights
 from gossamer_models.twin.zone_sets import THRESHOLD, Box, alternatives
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -53,11 +53,11 @@ def test_splines_weigh_by_the_inverse_of_the_covariance():
     S = P.T @ (np.eye(present.sum()) + e.T @ e) @ P
     r = random.standard_normal((4, n))
     c = P.T @ (r / noise[:, None])[present]
-    weights = SplineWeights(present, noise, error, h, length)
+    weights = RecordWeights(present, noise, error, splines)
     z = weights.weigh(r[None])[0]
     assert weights.values == 4 * 13
     assert z @ z == pytest.approx(c @ np.linalg.solve(S, c), rel=1e-9)
-    plain = NoiseWeights(present, noise).weigh(r[None])[0]
+    plain = RecordWeights(present, noise, error[:0]).weigh(r[None])[0]
     assert plain @ plain == pytest.approx(np.sum((r / noise[:, None])[present] ** 2))
 
 

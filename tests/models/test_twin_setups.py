@@ -8,7 +8,7 @@ from gossamer_models.membrane.portable import read_structure, structure_text
 from gossamer_models.sensor import default_artifact
 from gossamer_models.twin import MembraneForward, ResponseRecord, StaticRecord, Twin, Watch, read_table
 from gossamer_models.twin.groups import alike, untold
-from gossamer_models.twin.problem import ErrorWeights
+from gossamer_models.twin.problem import RecordWeights
 from gossamer_models.twin.record import best_wiring, other_wirings
 from gossamer_models.twin.simulation import SensedForward
 from oracles.dish import dish_file, dish_setup
@@ -176,7 +176,7 @@ def test_readings_are_weighed_by_noise_and_model_error():
     present, noise = np.ones((2, 6), dtype=bool), np.array([1.0, 2.0])
     error, y = random.standard_normal((3, 2, 6)), random.standard_normal((1, 2, 6))
     S = np.diag(np.repeat(noise**2, 6)) + error.reshape(3, -1).T @ error.reshape(3, -1)
-    z = ErrorWeights(present, noise, error).weigh(y)[0]
+    z = RecordWeights(present, noise, error).weigh(y)[0]
     assert z @ z == pytest.approx(y.ravel() @ np.linalg.solve(S, y.ravel()))
 
 
@@ -238,7 +238,7 @@ def test_columns_that_the_membrane_does_not_know_are_named(dish, tmp_path, head,
 
 def test_what_a_record_cannot_tell_is_refused(strip, tmp_path):
     with pytest.raises(DataError, match="8 unknowns, 4 of them damages, cannot be told from 4 readings"):
-        Twin(strip).fit(
+        Twin(strip, nuisances=("offset",)).fit(
             StaticRecord(
                 values=pulled(np.zeros(4))[:, :1],
                 noise=1e-4,

@@ -26,7 +26,7 @@ from ..compiler import kept_library
 from ..membrane import Structure
 from .forward import MembraneForward
 from .least_squares import DAMAGE_STEP
-from .problem import ErrorWeights
+from .problem import RecordWeights
 from .record import ResponseRecord, StaticRecord
 
 PAIRS, STILL_FINER = 32, 8  # simulations with random damage, and how many of them on a still finer mesh
@@ -141,9 +141,9 @@ class MeshError:
             found.append(mine)
         return np.concatenate(found)
 
-    def _weights(self, components: Matrix) -> tuple[ErrorWeights, Matrix, Matrix]:
+    def _weights(self, components: Matrix) -> tuple[RecordWeights, Matrix, Matrix]:
         """Return weights, the weighed derivatives and the covariance of damages with unknown offsets."""
-        weights = ErrorWeights(np.ones(self.strain.shape, dtype=bool), self.noise, components)
+        weights = RecordWeights(np.ones(self.strain.shape, dtype=bool), self.noise, components)
         J = weights.weigh(_moving(self.slopes)).T
         return weights, J, np.asarray(np.linalg.pinv(J.T @ J, hermitian=True), dtype=np.float64)
 

@@ -7,11 +7,12 @@ and deviation 1; ``c`` coefficients of a load that is unknown; ``m`` rows of nui
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.interpolate import BSpline
+from scipy.ndimage import shift
 
 from ..arrays import Matrix, Vector
 from ..errors import ParameterError
@@ -22,13 +23,31 @@ FACTORS = {
     "frequency": ("pressure_frequency", 0.05),
     "damping": ("mass_damping", math.log(2.0)),
     "modulus": ("youngs_modulus", 0.02),  # of all regions together
+    "density": ("density", 0.05),  # of all regions together
+    "prestrain": ("edge_displacement", 0.05),
 }
 OF_BUILT_IN = ("amplitude", "frequency", "phase")  # which acts if its amplitude is not zero
 PHASE = 0.1  # [rad]
 OFFSET = 0.02  # [1], of strain, or of the change of resistance at full scale
 GAIN = 0.02  # factor
+CLOCK, SPARE = 5.0, 16  # samples by which a record is late, and that are simulated after its end
 MODULUS = "modulus"
-NAMES = ("offset", "gain", *FACTORS, "phase")
+NAMES = ("clock", "offset", "gain", *FACTORS, "phase")
+BY_DEFAULT = NAMES[:-1]  # a load sets in at a phase that is known
+OF_MOTION = ("clock", "frequency", "damping", "density")
+FAR = 2.0  # deviations of its prior by which a nuisance is said to be off
+WORDS = {
+    "offset": "sensor {at} reads {value:+.2g} more",
+    "gain": "sensor {at} has a gain of {value:.3g}",
+    "clock": "the record is {value:.2g} samples late",
+    "phase": "the load has a phase that is {value:+.2g} rad off",
+    "amplitude": "the load is {value:.3g} times as large",
+    "frequency": "the load has {value:.3g} times the frequency",
+    "damping": "the damping is {value:.3g} times as large",
+    "modulus": "Young's modulus is {value:.3g} times as large",
+    "density": "the density is {value:.3g} times as large",
+    "prestrain": "the prestrain is {value:.3g} times as large",
+}
 BEYOND = 5.0  # no nuisance leaves its prior by more deviations
 KNOTS = 0.4  # of the first period, between knots of the spline of an unknown load
 DEGREE = 3
@@ -87,7 +106,8 @@ class Nuisances:
         check_names(self.kinds, self.inputs)
         for kind in self.kinds:
             if kind in (*FACTORS, "phase") and kind not in dict.fromkeys(k.partition("[")[0] for k in self.simulated):
-                what = "no damping" if kind == "damping" else "no built-in load, and the record has no load that changes"
+                load = kind in OF_BUILT_IN
+                what = "no built-in load, and the record has no load that changes" if load else f"no {kind}"
                 msg = f"{kind!r} cannot be fitted: the membrane has {what}. Leave it out, or set it."
                 raise ParameterError(msg)
             if kind in self.inputs and not self._deviation(kind) > 0.0:
@@ -113,18 +133,21 @@ class Nuisances:
     @property
     def simulated(self) -> tuple[str, ...]:
         """Names of the nuisances that need a simulation each for a derivative."""
-        built_in = self.parameters.get("pressure_amplitude", 0.0) > 0.0
-        names = [kind for kind in (*FACTORS, "phase") if kind in self.kinds and (built_in or kind not in OF_BUILT_IN)]
-        if self.parameters.get("mass_damping", 0.0) == 0.0:
-            names = [name for name in names if name != "damping"]
+        names = [kind for kind in (*FACTORS, "phase") if kind in self.kinds and _acts(kind, self.parameters)]
         names += [f"amplitude[{name}]" for name in self.scaled]
         return (*names, *(f"{name}[{k + 1}]" for name in self.unknown for k in range(self.knots)))
 
     @property
+    def spare(self) -> int:
+        """Samples that are simulated after the end of a record."""
+        return SPARE if "clock" in self.kinds else 0
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of all, in order."""
-        linear = (kind for kind in ("offset", "gain") if kind in self.kinds)
-        return self.simulated + tuple(f"{kind}[{k + 1}]" for kind in linear for k in range(self.sensors))
+        each = (kind for kind in ("offset", "gain") if kind in self.kinds)
+        late = ("clock",) if "clock" in self.kinds else ()
+        return (*self.simulated, *late, *(f"{kind}[{k + 1}]" for kind in each for k in range(self.sensors)))
 
     def moved(self, z: Matrix) -> dict[str, Vector]:
         """Return the parameters, and inputs at the start, of rows of z, shape (m, number of nuisances)."""
@@ -143,20 +166,21 @@ class Nuisances:
     def histories(self, z: Matrix, time: Vector) -> dict[str, Matrix]:
         """Return the loads at the given times [s], shape (n,), or (m, n) where they depend on nuisances.
 
-        Their known part has n samples or more.
+        A load whose known part has fewer samples stays what it was.
         """
-        found = {name: np.asarray(values)[: time.size] for name, values in self.loads.histories.items()}
+        known = {name: np.asarray(values) for name, values in self.loads.histories.items()}
+        found = {name: values[np.minimum(np.arange(time.size), values.size - 1)] for name, values in known.items()}
         for name, factor in self._scales(z).items():
             found[name] = factor[:, None] * found[name]
         for name in self.unknown:
             at = self.simulated.index(f"{name}[1]")
             c = self._deviation(name) * z[:, at : at + self.knots]
-            known = found.get(name, self.loads.start.get(name, self.inputs[name]))
-            found[name] = np.asarray(known + c @ spline_basis(time, self.length, self.knots).T)
+            load = found.get(name, self.loads.start.get(name, self.inputs[name]))
+            found[name] = np.asarray(load + c @ spline_basis(time, self.length, self.knots).T)
         return found
 
     def read(self, y: Matrix, zero: Matrix, scale: Matrix, z: Matrix) -> Matrix:
-        """Return what sensors with gain and offset read, shape (m, sensors, n).
+        """Return what sensors with delay, gain and offset read, shape (m, sensors, n).
 
         Parameters
         ----------
@@ -168,6 +192,10 @@ class Nuisances:
             Nuisances.
         """
         at = len(self.simulated)
+        if "clock" in self.kinds:
+            rows = zip(np.broadcast_to(y, (len(z), *y.shape[1:])), CLOCK * z[:, at], strict=True)
+            y = np.stack([shift(row, (0.0, late), mode="nearest") if late else row for row, late in rows])
+            at += 1
         for kind in ("offset", "gain"):
             if kind in self.kinds:
                 each = z[:, at : at + self.sensors, None]
@@ -187,9 +215,19 @@ class Nuisances:
                 found[name] = (1.0 + GAIN * at, GAIN * sigma)
             else:
                 of_load = name.rpartition("[")[0]
-                unit = {"phase": PHASE, "offset": OFFSET}.get(kind) or self._deviation(of_load)
+                unit = {"phase": PHASE, "offset": OFFSET, "clock": CLOCK}.get(kind) or self._deviation(of_load)
                 found[name] = (unit * at, unit * sigma)
         return found
+
+    def told(self, names: Iterable[str], z: Vector) -> list[str]:
+        """Say what some nuisances are."""
+        values = self.values(z, np.zeros(z.size))
+        split = [(name, *name.removesuffix("]").partition("[")) for name in names]
+        return [WORDS[kind].format(at=at, value=values[name][0]) for name, kind, _, at in split if kind in WORDS]
+
+    def far(self, z: Vector) -> list[str]:
+        """Say which nuisances are further off than expected."""
+        return self.told((name for name, at in zip(self.names, z.tolist(), strict=True) if abs(at) > FAR), z)
 
     def _scales(self, z: Matrix) -> dict[str, Vector]:
         """Return the factors of the loads of the record, shape (m,)."""
@@ -207,21 +245,24 @@ class Nuisances:
 
 def possible(parameters: Mapping[str, float], loads: Loads) -> tuple[str, ...]:
     """Return those of ``NAMES`` that have something to act on."""
-    built_in = parameters.get("pressure_amplitude", 0.0) > 0.0
     given = any(np.ptp(values) > 0.0 for values in loads.histories.values())
-    has = dict.fromkeys(OF_BUILT_IN, built_in) | {
-        "amplitude": built_in or given,
-        "damping": parameters.get("mass_damping", 0.0) > 0.0,
-    }
-    return tuple(name for name in NAMES if has.get(name, True))
+    return tuple(name for name in NAMES if _acts(name, parameters) or (name == "amplitude" and given))
 
 
-def check_names(kinds: Sequence[str], inputs: Iterable[str]) -> None:
+def _acts(kind: str, parameters: Mapping[str, float]) -> bool:
+    """Tell whether a nuisance acts on some parameter, or on the sensors."""
+    if kind in OF_BUILT_IN and not parameters.get("pressure_amplitude", 0.0) > 0.0:
+        return False
+    array = FACTORS.get(kind, ("", 0.0))[0]
+    return not array or any(value > 0.0 for name, value in parameters.items() if name.partition("[")[0] == array)
+
+
+def check_names(kinds: Sequence[str], inputs: Collection[str] = ()) -> None:
     """Raise ``ParameterError`` unless each kind is one of ``NAMES``, or an input, and stands once."""
     for kind in kinds:
         if kind not in (*NAMES, *inputs):
-            loads = ", ".join(list(inputs)[:8])
-            msg = f"there is no nuisance {kind!r}. Choose from {', '.join(NAMES)}, and the loads {loads}."
+            loads = f", and the loads {', '.join(list(inputs)[:8])}" if inputs else ""
+            msg = f"there is no nuisance {kind!r}. Choose from {', '.join(NAMES)}{loads}."
             raise ParameterError(msg)
     if len(set(kinds)) < len(kinds):
         msg = f"a nuisance is named twice in {', '.join(kinds)}. Name each once."

@@ -6,12 +6,12 @@ Symbols: ``x`` unknowns, first the damages [1], then the nuisances in units of t
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from copy import copy
 from threading import Lock
 from typing import TypeAlias
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 
 from ..arrays import Matrix, Rows, Vector
@@ -22,13 +22,16 @@ from .nuisances import BEYOND, Nuisances
 from .record import ResponseRecord, StaticRecord
 from .simulation import SensedForward
 
-NEGLIGIBLE = 1e-9  # of the largest eigenvalue: directions that gaps leave without values
+NEGLIGIBLE = 1e-9  # of the largest eigenvalue: directions that gaps leave without values; of the noise's variance
+ROUNDED = 1e-14  # of the largest eigenvalue: what round-off leaves of it
+NEAR = 0.03  # of damage, by which columns hardly change
+BENT = 0.5  # of a column, at most, by which it changes where its nuisance moves by the prior's deviation
 NUISANCE_STEP = 0.02  # in units of the prior's deviation
 Report: TypeAlias = Callable[[int, int], None]  # how many simulations of how many
 
 
-class NoiseWeights:
-    """Divide by the noise.
+class RecordWeights:
+    """Weigh by the covariance of white noise and of components beside it.
 
     Parameters
     ----------
@@ -36,78 +39,38 @@ class NoiseWeights:
         Where the record has values.
     noise : ndarray, shape (s,)
         Standard deviations, in the unit of the record.
+    components : ndarray, shape (k, s, n)
+        What is unknown beside the noise, in the unit of the record, each times its standard deviation: nuisances that enter
+        linearly, and an error of the model. Their outer products add up to their covariance.
+    splines : ndarray, shape (n, splines), or None
+        Functions of time on which alone the record is compared; None to compare all of it.
     """
 
-    def __init__(self, present: Rows, noise: Vector) -> None:
-        self._present = present
-        self._sigma = np.repeat(noise[:, None], present.shape[1], axis=1)[present]
-        self.values = int(present.sum())
-
-    def weigh(self, y: Matrix) -> Matrix:
-        """Turn rows of readings, shape (m, s, n), into independent numbers of variance 1, shape (m, values)."""
-        return np.asarray(y[:, self._present] / self._sigma)
-
-
-class ErrorWeights(NoiseWeights):
-    """Divide by the noise, and weigh by the covariance of noise and model error.
-
-    Parameters
-    ----------
-    present, noise : ndarray
-        As of ``NoiseWeights``.
-    error : ndarray, shape (k, s, n)
-        Components of the model error, in the unit of the record; their outer products add up to its covariance.
-    """
-
-    def __init__(self, present: Rows, noise: Vector, error: Matrix) -> None:
-        super().__init__(present, noise)
-        scaled = super().weigh(error)
+    def __init__(self, present: Rows, noise: Vector, components: Matrix, splines: Matrix | None = None) -> None:
+        self._present, self._bases = present, list[Matrix]()
+        self._scale = np.where(present, 1.0 / np.where(present, noise[:, None], 1.0), 0.0)
+        for row in present if splines is not None else ():
+            seen = splines * row[:, None]
+            e, V = np.linalg.eigh(seen.T @ seen)
+            good = e > max(NEGLIGIBLE * e[-1], 1e-300)
+            self._bases.append(seen @ (V[:, good] / np.sqrt(e[good])))
+        self.values = sum(basis.shape[1] for basis in self._bases) if self._bases else int(present.sum())
+        scaled = self._project(components)
         square, modes = np.linalg.eigh(scaled @ scaled.T)  # there are fewer components than values
-        seen = square > NEGLIGIBLE
+        seen = square > max(NEGLIGIBLE, ROUNDED * square.max(initial=0.0))
         self._along = (modes[:, seen] / np.sqrt(square[seen])).T @ scaled
         self._less = 1.0 - 1.0 / np.sqrt(1.0 + square[seen])
 
     def weigh(self, y: Matrix) -> Matrix:
         """Turn rows of readings, shape (m, s, n), into independent numbers of variance 1, shape (m, values)."""
-        scaled = super().weigh(y)
+        scaled = self._project(y)
         return np.asarray(scaled - (scaled @ self._along.T * self._less) @ self._along)
 
-
-class SplineWeights:
-    """Project on splines in time, then weigh by the covariance of noise and model error.
-
-    Parameters
-    ----------
-    present : ndarray of bool, shape (s, n)
-        Where the record has values.
-    noise : ndarray, shape (s,)
-        Standard deviations, in the unit of the record.
-    error : ndarray, shape (k, s, n)
-        Components of the model error, in the unit of the record.
-    h, length : float
-        Step of the record and time that the model error is known for [s].
-    """
-
-    def __init__(self, present: Rows, noise: Vector, error: Matrix, h: float, length: float) -> None:
-        steps = present.shape[1]
-        self._scale = np.where(present, 1.0 / np.where(present, noise[:, None], 1.0), 0.0)
-        self._splines = spline_matrix(steps, h, length)
-        self._splines = self._splines[:, self._splines.any(axis=0)]
-        blocks = [self._splines.T @ (row[:, None] * self._splines) for row in present]
-        projected = self._project(error)
-        S = scipy.linalg.block_diag(*blocks) + projected.T @ projected
-        e, V = np.linalg.eigh(S)
-        good = e > NEGLIGIBLE * e[-1]
-        self._whiten = V[:, good] / np.sqrt(e[good])
-        self.values = int(good.sum())
-
-    def weigh(self, y: Matrix) -> Matrix:
-        """Turn rows of readings, shape (m, s, n), into independent numbers of variance 1, shape (m, values)."""
-        return np.asarray(self._project(y) @ self._whiten)
-
     def _project(self, y: Matrix) -> Matrix:
-        scaled = np.where(self._scale > 0.0, y, 0.0) * self._scale
-        return np.asarray((scaled @ self._splines).reshape(len(y), -1))
+        scaled = np.where(self._present, y, 0.0) * self._scale
+        if not self._bases:
+            return scaled[:, self._present]
+        return np.concatenate([scaled[:, k] @ basis for k, basis in enumerate(self._bases)], axis=1)
 
 
 class DamageUnknowns:
@@ -121,6 +84,8 @@ class DamageUnknowns:
         Unknowns beside the damages, and the loads.
     groups : ndarray of int, shape (all zones,), or None
         Which unknown each zone's damage is, from 0; None for one each.
+    linear : sequence of str
+        Kinds of nuisances that are not among the unknowns: they stay at ``z0``.
 
     Attributes
     ----------
@@ -128,19 +93,38 @@ class DamageUnknowns:
         Damages among the unknowns.
     size : int
         Number of unknowns.
+    fitted, linear : ndarray of int
+        Nuisances that are among the unknowns, and that are not, as indices.
+    z0 : ndarray, shape (number of nuisances,)
+        Where the linear ones stay, in units of their priors; 0 for the others.
     """
 
-    def __init__(self, forward: Forward, nuisances: Nuisances, groups: NDArray[np.int64] | None = None) -> None:
+    def __init__(
+        self,
+        forward: Forward,
+        nuisances: Nuisances,
+        groups: NDArray[np.int64] | None = None,
+        linear: Sequence[str] = (),
+    ) -> None:
         self.model, self.nuisances = forward, nuisances
         self.groups = np.arange(len(forward.zones)) if groups is None else groups
-        self.zones, beside = int(self.groups.max()) + 1, len(nuisances.names)
-        self.size = self.zones + beside
-        self.simulated = self.zones + len(nuisances.simulated)
-        self.prior = np.r_[np.zeros(self.zones), np.ones(beside)]
-        self.low = np.r_[np.zeros(self.zones), np.full(beside, -BEYOND)]
-        self.high = np.r_[np.full(self.zones, MOST_DAMAGE), np.full(beside, BEYOND)]
-        self.steps = np.r_[np.full(self.zones, DAMAGE_STEP), np.full(beside, NUISANCE_STEP)]
-        self.steps[self.simulated :] = 1.0
+        self.linear_kinds = tuple(linear)
+        beside = np.array([name.partition("[")[0] in linear for name in nuisances.names], dtype=bool)
+        self.fitted, self.linear, self.z0 = np.flatnonzero(~beside), np.flatnonzero(beside), np.zeros(beside.size)
+        self.zones = int(self.groups.max()) + 1
+        self.size = self.zones + self.fitted.size
+        self.simulated = self.zones + int(np.searchsorted(self.fitted, len(nuisances.simulated)))
+        ones = np.ones(self.fitted.size)
+        self.prior = np.r_[np.zeros(self.zones), ones]
+        self.low = np.r_[np.zeros(self.zones), -BEYOND * ones]
+        self.high = np.r_[np.full(self.zones, MOST_DAMAGE), BEYOND * ones]
+        self.steps = np.r_[np.full(self.zones, DAMAGE_STEP), NUISANCE_STEP * ones]
+
+    def z(self, x: Matrix) -> Matrix:
+        """Return all nuisances of rows of unknowns, in units of their priors, shape (m, number of nuisances)."""
+        found = np.tile(self.z0, (len(x), 1))
+        found[:, self.fitted] = x[:, self.zones :]
+        return found
 
     def damage(self, x: Matrix) -> Matrix:
         """Return the damage of all zones [1] of rows of unknowns, shape (m, all zones)."""
@@ -148,9 +132,12 @@ class DamageUnknowns:
 
     def histories(self, x: Matrix, samples: int, h: float) -> Matrix:
         """Simulate the strain [1] of rows of unknowns, shape (m, s, samples)."""
-        z = x[:, self.zones :]
+        return self.simulate(self.damage(x), self.z(x), samples, h)
+
+    def simulate(self, damage: Matrix, z: Matrix, samples: int, h: float) -> Matrix:
+        """Simulate the strain [1] of rows of damages of all zones and of nuisances, shape (m, s, samples)."""
         loads = self.nuisances.histories(z, h * np.arange(1.0, samples + 1.0))
-        return self.model.strain(self.damage(x), self.nuisances.moved(z), loads, samples, h)
+        return self.model.strain(damage, self.nuisances.moved(z), loads, samples, h)
 
     def linearised(self, x: Vector, samples: int, h: float, report: Report = lambda *_: None) -> tuple[Matrix, Matrix]:
         """Return the strain [1] at unknowns, shape (s, samples), and its differences by all, shape (size, s, samples).
@@ -185,7 +172,7 @@ class DamageUnknowns:
 
 
 class RecordProblem(DamageUnknowns, LeastSquares):
-    """Predictions, residuals and derivatives for one record.
+    r"""Predictions, residuals and derivatives for one record.
 
     Parameters
     ----------
@@ -194,17 +181,25 @@ class RecordProblem(DamageUnknowns, LeastSquares):
     record : ResponseRecord
         What is fitted.
     nuisances : Nuisances
-        Unknowns beside the damages, and the loads.
+        What is unknown beside the damages, and the loads.
     noise : ndarray, shape (s,)
         Standard deviation of the noise, in the unit of the record.
     discrepancy : Discrepancy or None
         Model error that is learned on splines; nothing faster is compared then.
     groups : ndarray of int, shape (zones,), or None
         Which unknown each zone's damage is, from 0; None for one each.
+    linear : sequence of str
+        Kinds of nuisances that enter linearly.
     error : ndarray, shape (k, s, n or more), or None
         Components of an error of the model, strain [1] at the samples, or in the states of a static record.
     report : callable, optional
         Called before each group of simulations with the length of the record [s] and the simulations that were made.
+
+    Notes
+    -----
+    With the columns C, derivatives of the readings by the linear nuisances at the damages d and the nuisances
+    :math:`z_0`, the readings are :math:`y = f(d, z_0) + C (z - z_0) + e`, where z has a standard normal distribution. They are
+    marginalised: :math:`y + C z_0` has the mean f and the covariance :math:`C C^T` beside that of e.
     """
 
     def __init__(
@@ -215,51 +210,71 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         noise: Vector,
         discrepancy: Discrepancy | None,
         groups: NDArray[np.int64] | None = None,
+        linear: Sequence[str] = (),
         error: Matrix | None = None,
         report: Callable[[float, int], None] = lambda *_: None,
     ) -> None:
-        super().__init__(sensed.forward, nuisances, groups)
-        self.sensed, self.record = sensed, record
+        super().__init__(sensed.forward, nuisances, groups, linear)
+        self.sensed, self.record, self.noise, self._discrepancy = sensed, record, noise, discrepancy
         self._zero, self._scale = sensed.scale(record.kind)
-        self.simulations, self._report, self._counting = 0, report, Lock()
-        self._weights: NoiseWeights | SplineWeights
+        self._simulations, self._report, self._counting = [0], report, Lock()
         if discrepancy is not None:
-            components = self._as_read(discrepancy.basis(record.samples, record.step))
-            self._weights = SplineWeights(record.present, noise, components, record.step, discrepancy.length)
-        elif error is not None:
-            self._weights = ErrorWeights(record.present, noise, self._as_read(error))
-        else:
-            self._weights = NoiseWeights(record.present, noise)
-        self.values = self._weights.values
-        self.y = self._weights.weigh(np.where(record.present, record.values, 0.0)[None])[0]
+            error = discrepancy.basis(record.samples, record.step)
+        self._error = np.zeros((0, *record.values.shape)) if error is None else self._as_read(error)
+        self._linearise(np.zeros(self.size))
 
-    def _as_read(self, error: Matrix) -> Matrix:
-        """Return components of an error of strain in the unit of the record, at its samples."""
-        record = self.record
-        if isinstance(record, StaticRecord):
-            return error[:, :, record.state]
-        error = error[:, :, : record.samples]
-        if record.kind == "strain":
-            return error
-        strain = self._strain(np.zeros((1, self.size)))
-        both = self.sensed.resistance(np.concatenate([strain, strain + error]), record.step)
-        return both[1:] - both[:1]
+    @property
+    def simulations(self) -> int:
+        """How many cases were simulated, for this problem and those that were made of it."""
+        return self._simulations[0]
+
+    def linear_values(self, point: Point) -> Vector:
+        """Return the means of the linear nuisances at a point, in units of their priors."""
+        return np.asarray(self.columns @ point.r)
+
+    def likeliest(self, point: Point) -> Vector:
+        """Return all nuisances at a point, in units of their priors, the linear ones where they are likeliest."""
+        z = self.z(point.x[None])[0]
+        z[self.linear] = np.clip(self.linear_values(point), -BEYOND, BEYOND)
+        return z
+
+    def linear_deviations(self, J: Matrix, covariance: Matrix) -> Vector:
+        """Return the deviations of the linear nuisances, from the derivatives by unknowns and the covariance of those."""
+        moved = self.columns @ J
+        alone = np.maximum(1.0 - np.sum(self.columns**2, axis=1), 0.0)  # round-off
+        return np.asarray(np.sqrt(alone + np.einsum("ki,ij,kj->k", moved, covariance, moved)))
+
+    def stale(self, x: Vector, z: Vector) -> bool:
+        """Tell whether unknowns x and linear nuisances z are far from where the nuisances were linearised."""
+        move = z - self.z0[self.linear]
+        bent = BENT * np.abs(move).max(initial=0.0) * np.linalg.norm(move @ self.columns) > 1.0
+        return bool(self.linear.size) and bool(bent or np.abs(x - self._at)[: self.zones].max() > NEAR)
+
+    def renewed(self, x: Vector, z: Vector) -> RecordProblem:
+        """Return the problem with the nuisances linearised about unknowns x and linear nuisances z."""
+        if not self.linear.size:
+            return self
+        found = copy(self)
+        found.z0 = self.z0.copy()
+        found.z0[self.linear] = np.clip(z, -BEYOND, BEYOND)
+        found._linearise(x)
+        return found
 
     def predict(self, x: Matrix) -> Matrix:
-        """Return strain or resistance without gain and offset, shape (m, s, n)."""
-        strain = self._strain(x)
-        return strain if self.record.kind == "strain" else self.sensed.resistance(strain, self.record.step)
+        """Return strain or resistance without gain, offset and delay, shape (m, s, n or more)."""
+        return self._predict(self.damage(x), self.z(x))
 
     def weigh(self, predicted: Matrix, x: Matrix) -> Matrix:
-        """Weigh what sensors with gain and offset read, shape (m, values)."""
-        return self._weights.weigh(self._read(predicted, x))
+        """Weigh what sensors with gain, offset and delay read, shape (m, values)."""
+        return self._weights.weigh(self._read(predicted, self.z(x)))
 
     def derivatives(self, point: Point, free: Rows) -> Matrix:
         """Return the derivatives of the weighed predictions; of equilibria by the damages from the tangent there."""
         if not isinstance(self.record, StaticRecord):
             return super().derivatives(point, free)
         zones = np.flatnonzero(free[: self.zones])
-        x, z = point.x[None], point.x[None, self.zones :]
+        x = point.x[None]
+        z = self.z(x)
         loads = {name: np.ravel(load) for name, load in self.nuisances.histories(z, np.zeros(self.record.states)).items()}
         given = {name: float(value[0]) for name, value in self.nuisances.moved(z).items()}
         slopes = self.model.state_slopes(self.damage(x)[0], given, loads)
@@ -270,18 +285,61 @@ class RecordProblem(DamageUnknowns, LeastSquares):
 
     def reading(self, point: Point) -> Matrix:
         """Return what the sensors read at a point, shape (s, n), in the unit of the record."""
-        return np.asarray(self._read(point.predicted[None], point.x[None])[0])
+        move = self.linear_values(point) - self.z0[self.linear]
+        read = self._read(point.predicted[None], self.z(point.x[None]))[0]
+        return np.asarray(read + np.tensordot(move, self._columns, axes=1))
 
-    def _read(self, predicted: Matrix, x: Matrix) -> Matrix:
-        return self.nuisances.read(predicted, self._zero, self._scale, x[:, self.zones :])
+    def _linearise(self, x: Vector) -> None:
+        """Find what the linear nuisances change of the readings about unknowns, and weigh the record with that."""
+        self._at = x
+        z = np.tile(self.z(x[None]), (1 + self.linear.size, 1))
+        z[np.arange(1, len(z)), self.linear] += NUISANCE_STEP
+        again = 1 + int(np.searchsorted(self.linear, len(self.nuisances.simulated)))
+        damage = np.repeat(self.damage(x[None]), again, axis=0)
+        if self.linear.size:
+            found = require_finite(self._predict(damage, z[:again]))
+            read = self._read(np.concatenate([found, np.repeat(found[:1], len(z) - again, axis=0)]), z)
+            self._columns = (read[1:] - read[0]) / NUISANCE_STEP
+        else:
+            self._columns = np.zeros((0, *self.record.values.shape))
+        self._weigh_anew()
 
-    def _strain(self, x: Matrix) -> Matrix:
+    def _weigh_anew(self) -> None:
+        record, splines = self.record, None
+        if self._discrepancy is not None:
+            splines = spline_matrix(record.samples, record.step, self._discrepancy.length)
+        components = np.concatenate([self._columns, self._error])
+        self._weights = RecordWeights(record.present, self.noise, components, splines)
+        self.values, self.columns = self._weights.values, self._weights.weigh(self._columns)
+        known = np.where(record.present, record.values, 0.0)[None]
+        self.y = self._weights.weigh(known)[0] + self.z0[self.linear] @ self.columns
+
+    def _as_read(self, error: Matrix) -> Matrix:
+        """Return components of an error of strain in the unit of the record, at its samples."""
+        record = self.record
+        if isinstance(record, StaticRecord):
+            return error[:, :, record.state]
+        error = error[:, :, : record.samples]
+        if record.kind == "strain":
+            return error
+        nothing = np.zeros((1, len(self.groups))), np.zeros((1, self.z0.size))
+        strain = self._strain(*nothing)[:, :, : record.samples]
+        both = self.sensed.resistance(np.concatenate([strain, strain + error]), record.step)
+        return both[1:] - both[:1]
+
+    def _read(self, predicted: Matrix, z: Matrix) -> Matrix:
+        return self.nuisances.read(predicted, self._zero, self._scale, z)[:, :, : self.record.samples]
+
+    def _predict(self, damage: Matrix, z: Matrix) -> Matrix:
+        strain = self._strain(damage, z)
+        return strain if self.record.kind == "strain" else self.sensed.resistance(strain, self.record.step)
+
+    def _strain(self, damage: Matrix, z: Matrix) -> Matrix:
         record = self.record
         with self._counting:  # starts run side by side
-            self._report(record.samples * record.step, self.simulations)
-            self.simulations += len(x)
+            self._report(record.samples * record.step, self._simulations[0])
+            self._simulations[0] += len(z)
         if isinstance(record, StaticRecord):
-            z = x[:, self.zones :]
             loads = self.nuisances.histories(z, np.zeros(record.states))
-            return self.model.states(self.damage(x), self.nuisances.moved(z), loads)[:, :, record.state]
-        return self.histories(x, record.samples, record.step)
+            return self.model.states(damage, self.nuisances.moved(z), loads)[:, :, record.state]
+        return self.simulate(damage, z, record.samples + self.nuisances.spare, record.step)

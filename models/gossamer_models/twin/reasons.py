@@ -13,15 +13,6 @@ from .zone_sets import smallest
 WORTH = 0.5  # of chi2, left at most by a reason that is named
 TRIED = 2  # reasons that are fitted, those that promise most
 STEPS = 8
-WORDS = {
-    "offset": "sensor {at} reads {value:+.2g} more",
-    "gain": "sensor {at} has a gain of {value:.3g}",
-    "phase": "the load has a phase that is {value:+.2g} rad off",
-    "amplitude": "the load is {value:.3g} times as large",
-    "frequency": "the load has {value:.3g} times the frequency",
-    "damping": "the damping is {value:.3g} times as large",
-    "modulus": "Young's modulus is {value:.3g} times as large",
-}
 
 
 def likely_reason(fit: Fit, wider: RecordProblem) -> str | None:
@@ -39,9 +30,11 @@ def likely_reason(fit: Fit, wider: RecordProblem) -> str | None:
     The quadratic model of chi2 at the fit tells which of them promise most; these are fitted.
     """
     zones, names = wider.zones, wider.nuisances.names
-    fitted = dict(zip(fit.problem.nuisances.names, fit.point.x[zones:].tolist(), strict=True))
+    fitted = dict(zip(fit.problem.nuisances.names, fit.problem.likeliest(fit.point).tolist(), strict=True))
     x = np.r_[fit.point.x[:zones], [fitted.get(name, 0.0) for name in names]]
     known = np.r_[np.ones(zones, dtype=bool), [name in fitted for name in names]]
+    if known.all():
+        return None
     try:
         point = wider.points(x[None])[0]
         model = wider.about(point, everything := np.ones(wider.size, dtype=bool), wider.derivatives(point, everything))
@@ -64,11 +57,8 @@ def likely_reason(fit: Fit, wider: RecordProblem) -> str | None:
     best, some = min(found, key=lambda each: each[0].chi2)
     if best.chi2 > WORTH * point.chi2:
         return None
-    values = wider.nuisances.values(best.x[zones:], np.zeros(len(names)))
-    reasons = []
-    for name in (names[k - zones] for k in some):
-        kind, _, at = name.removesuffix("]").partition("[")
-        reasons.append(WORDS[kind].format(at=at, value=values[name][0]))
+    reasons = wider.nuisances.told((names[k - zones] for k in some), best.x[zones:])
+    kind = names[some[0] - zones].partition("[")[0]
     return (
         f"most likely {', '.join(reasons)}: with {kind} fitted too, chi2 per sample falls from "
         f"{point.chi2 / wider.values:.3g} to {best.chi2 / wider.values:.3g}"

@@ -17,8 +17,8 @@ from scipy.stats import chi2 as chi2_distribution
 from ..arrays import Matrix, Rows, Vector
 from ..errors import ConvergenceError
 from .forward import WORKERS
-from .least_squares import NEGLIGIBLE, Point, Quadratic, change, descend
-from .nuisances import FACTORS, MODULUS
+from .least_squares import NEGLIGIBLE, Minimum, Point, Quadratic, change, descend
+from .nuisances import BEYOND, FACTORS, MODULUS
 from .problem import RecordProblem
 from .zone_sets import THRESHOLD, Box, alternatives, drop_zones
 
@@ -35,8 +35,7 @@ FEW_SENSORS = 1.5  # zones for each: with more zones there may be several minima
 HOPELESS = 5.0  # deviations of chi2 above the expected one
 MOST_STEPS = 12  # of one descent
 FEW_STEPS = 2  # where it is hopeless
-MANY = 4  # zones: fewer are no imitation of a modulus
-WIDEST = 0.2  # of a change of the modulus
+ROUNDS = 3  # in which linear nuisances are linearised again
 
 
 @dataclass(frozen=True)
@@ -51,6 +50,8 @@ class Fit:
         Smallest chi2 over the kept unknowns.
     model : Quadratic
         Quadratic model over all unknowns there.
+    J : ndarray, shape (values, n)
+        Derivatives there, or a negligible move before.
     kept : ndarray of bool, shape (n,)
         Unknowns that are not dropped.
     early_chi2 : float
@@ -60,6 +61,7 @@ class Fit:
     problem: RecordProblem
     point: Point
     model: Quadratic
+    J: Matrix
     kept: Rows
     early_chi2: float
 
@@ -70,8 +72,9 @@ class Fit:
 
     @property
     def passes(self) -> bool:
-        """Whether chi2 per sample is below its bound."""
-        return bool(self.per_sample <= chi2_bound(self.problem))
+        """Whether chi2 per sample is below its bound, and no linear nuisance too far from its prior."""
+        far = np.abs(self.problem.linear_values(self.point)).max(initial=0.0)
+        return bool(self.per_sample <= chi2_bound(self.problem) and far <= BEYOND)
 
 
 def chi2_bound(problem: RecordProblem) -> float:
@@ -141,16 +144,18 @@ def search(
 
 @dataclass(frozen=True)
 class _Begun:
-    """Where the early stages have led: unknowns, smallest chi2 of the last one, and whether no damage explains them."""
+    """Where the early stages have led: damages, all nuisances, smallest chi2, and whether no damage explains them."""
 
-    x: Vector
+    damage: Vector
+    z: Vector
     reached: float
     hopeless: bool
 
 
 def _begun(stages: Sequence[RecordProblem], damage: Vector, *, one_valley: bool) -> _Begun | None:
     """Follow a start through the early stages; None if the simulation fails."""
-    x, reached, hopeless = _unknowns(stages[-1], damage), np.inf, False
+    whole, reached, hopeless = stages[-1], np.inf, False
+    x = _unknowns(stages[0], damage)
     try:
         for stage in stages[:-1]:
             most = FEW_STEPS if hopeless else MOST_STEPS
@@ -159,13 +164,14 @@ def _begun(stages: Sequence[RecordProblem], damage: Vector, *, one_valley: bool)
             hopeless |= one_valley and stage is stages[0] and misfit(stage, point) > HOPELESS
     except ConvergenceError:
         return None
-    return _Begun(x, reached, hopeless)
+    z = stages[0].z(x[None])[0]  # early stages fit all nuisances
+    return _Begun(x[: whole.zones], z, reached, hopeless)
 
 
 def _ended(whole: RecordProblem, begun: _Begun, *, sparse: bool) -> Fit | None:
     """Return the fit of the whole record from there, or None if the simulation fails."""
     try:
-        return _finish(whole, begun.x, begun.reached, sparse=sparse, hopeless=begun.hopeless)
+        return _finish(whole, begun, sparse=sparse)
     except ConvergenceError:
         return None
 
@@ -208,27 +214,64 @@ def _unknowns(problem: RecordProblem, damage: Vector) -> Vector:
     return np.concatenate([damage, np.zeros(problem.size - problem.zones)])
 
 
-def _finish(whole: RecordProblem, x: Vector, early_chi2: float, *, sparse: bool, hopeless: bool) -> Fit:
+def settle(
+    problem: RecordProblem, x: Vector, z: Vector, free: Rows, most: int = MOST_STEPS, enough: float = NEGLIGIBLE
+) -> tuple[RecordProblem, Minimum]:
+    """Search the smallest chi2 as ``descend`` does, until the linear nuisances stand near where they were linearised.
+
+    Parameters
+    ----------
+    problem : RecordProblem
+        What is fitted.
+    x, z : ndarray
+        Unknowns and linear nuisances to start from.
+    free, most, enough
+        As of ``descend``.
+
+    Returns
+    -------
+    RecordProblem
+        With the nuisances linearised anew, if they moved.
+    Minimum
+        Of it.
+    """
+    for _ in range(ROUNDS):
+        if problem.stale(x, z):
+            problem = problem.renewed(x, z)
+        found = descend(problem, x, free, most, enough)
+        x, z = found.point.x, problem.linear_values(found.point)
+        if not problem.stale(x, z):
+            break
+    return problem, found
+
+
+def _finish(whole: RecordProblem, begun: _Begun, *, sparse: bool) -> Fit:
     """Go on with the whole record, drop zones, and think again where they stand after that."""
-    most, changes = (FEW_STEPS, 1) if hopeless else (MOST_STEPS, MOST_CHANGES)
+    most, changes = (FEW_STEPS, 1) if begun.hopeless else (MOST_STEPS, MOST_CHANGES)
     free = np.ones(whole.size, dtype=bool)
-    found = descend(whole, x, free, most, enough=ROUGH if sparse else NEGLIGIBLE)
+    x, z = np.r_[begun.damage, begun.z[whole.fitted]], begun.z[whole.linear]
+    whole, found = settle(whole, x, z, free, most, enough=ROUGH if sparse else NEGLIGIBLE)
     if not sparse:
-        return Fit(whole, found.point, found.model, free, early_chi2)
+        return Fit(whole, found.point, found.model, found.J, free, begun.reached)
     model = found.model
     if MODULUS in whole.nuisances.kinds:
-        model = whole.about(whole.points(_common_as_modulus(whole, found.point.x)[None])[0], free, found.J)
+        x, z = _common_as_modulus(whole, found.point)
+        whole = whole.renewed(x, z)
+        (point,) = whole.points(x[None])
+        model = whole.about(point, free, whole.derivatives(point, free) if whole.linear.size else found.J)
     kept, move = drop_zones(model, box(whole, model.at))
     x, best, worth = _moved(whole, model.at, move, kept), None, np.inf
-    J = np.empty((whole.values, whole.size))
+    z = whole.z0[whole.linear]
     for _ in range(changes):
-        found = descend(whole, x, kept, most)
+        whole, found = settle(whole, x, z, kept, most)
+        z = whole.linear_values(found.point)
         reached = found.point.chi2 + THRESHOLD * kept[: whole.zones].sum()
         if best is not None and reached >= worth:
             break
+        J = np.empty((whole.values, whole.size))
         J[:, kept], J[:, ~kept] = found.J, whole.derivatives(found.point, ~kept)
         full = whole.about(found.point, free, J)
-        best, worth = Fit(whole, found.point, full, kept, early_chi2), reached
+        best, worth = Fit(whole, found.point, full, J, kept, begun.reached), reached
         likely = alternatives(full, box(whole, full.at), drop_zones(full, box(whole, full.at))[0])
         other, move = likely.best
         promised = found.point.chi2 + change(full.A, full.g, move) + THRESHOLD * other[: whole.zones].sum()
@@ -239,46 +282,22 @@ def _finish(whole: RecordProblem, x: Vector, early_chi2: float, *, sparse: bool,
     return best
 
 
-def _common_as_modulus(problem: RecordProblem, x: Vector) -> Vector:
-    """Return unknowns that make the same membrane, but for clipping, and whose damages lie about zero.
+def _common_as_modulus(problem: RecordProblem, point: Point) -> tuple[Vector, Vector]:
+    """Return unknowns and linear nuisances that make the same membrane, but for clipping, with damages about zero.
 
-    Damage and modulus enter as E (1 - d) alone, so that what half of the zones have in common may be the modulus.
+    Damage and modulus enter as E (1 - d) alone, so that what half of the zones have in common may be the modulus. Modulus,
+    density and loads that are larger by the same factor make the same strain, so that the likeliest factor is taken.
     """
-    zones = problem.zones
-    found, common = x.copy(), float(np.median(x[:zones]))
-    found[:zones] = 1.0 - (1.0 - x[:zones]) / (1.0 - common)
-    found[zones + problem.nuisances.simulated.index(MODULUS)] += math.log(1.0 - common) / FACTORS[MODULUS][1]
-    return np.clip(found, problem.low, problem.high)
+    zones, names = problem.zones, [name.partition("[")[0] for name in problem.nuisances.simulated]
+    x, z, common = point.x.copy(), problem.likeliest(point), float(np.median(point.x[:zones]))
+    x[:zones] = 1.0 - (1.0 - x[:zones]) / (1.0 - common)
+    z[names.index(MODULUS)] += math.log(1.0 - common) / FACTORS[MODULUS][1]
+    together = [k for k, name in enumerate(names) if name in (MODULUS, "density", "amplitude")]
+    per_log = 1.0 / np.array([FACTORS[names[k]][1] for k in together])
+    z[together] -= per_log * (z[together] @ per_log) / (per_log @ per_log)
+    x[zones:] = z[problem.fitted]
+    return np.clip(x, problem.low, problem.high), np.clip(z[problem.linear], -BEYOND, BEYOND)
 
 
 def _moved(problem: RecordProblem, x: Vector, move: Vector, kept: Rows) -> Vector:
     return np.where(kept, np.clip(x + move, problem.low, problem.high), 0.0)
-
-
-def modulus_instead(fit: Fit) -> float | None:
-    """Return the relative change of Young's modulus that explains a record with fewer damages, or None.
-
-    Parameters
-    ----------
-    fit : Fit
-        Without the nuisance ``modulus``.
-    """
-    zones = fit.problem.zones
-    if np.count_nonzero(fit.point.x[:zones] > 0.0) <= MANY:
-        return None
-    model, limits = fit.model, box(fit.problem, fit.model.at)
-    n = len(model.g)
-    M: Matrix = np.eye(n, n + 1)
-    M[:zones, n] = -1.0
-    A, at = M.T @ model.A @ M, np.append(model.at, 0.0)
-    A[n, n] += FACTORS[MODULUS][1] ** -2
-    wider = Quadratic(A=A, g=M.T @ model.g, at=at)
-    with_modulus = Box(
-        zones=np.append(limits.zones, False), low=np.append(limits.low, -WIDEST), high=np.append(limits.high, WIDEST)
-    )
-    worth, changes = [], []
-    for quadratic, bounds in ((model, limits), (wider, with_modulus)):
-        kept, move = drop_zones(quadratic, bounds)
-        worth.append(change(quadratic.A, quadratic.g, move) + THRESHOLD * np.count_nonzero(kept & bounds.zones))
-        changes.append(float(move[-1]))
-    return changes[1] if worth[1] < worth[0] - THRESHOLD else None

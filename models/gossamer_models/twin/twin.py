@@ -20,13 +20,13 @@ from .answer import Answer
 from .discrepancy import Discrepancy, default_discrepancy, is_learned
 from .forward import Forward, forward_of
 from .groups import UNRESOLVED, alike, untold, without_nuisances
-from .least_squares import MOST_DAMAGE, PRIOR_DEVIATION, descend
+from .least_squares import MOST_DAMAGE, PRIOR_DEVIATION
 from .mesh_error import MeshErrors
-from .nuisances import KNOTS, MODULUS, Loads, Nuisances, check_names, possible
-from .problem import RecordProblem
+from .nuisances import BY_DEFAULT, KNOTS, MODULUS, OF_BUILT_IN, OF_MOTION, Loads, Nuisances, check_names, possible
+from .problem import DamageUnknowns, RecordProblem
 from .reasons import likely_reason
 from .record import LEAST_SAMPLES, ResponseRecord, StaticRecord, Wiring, best_wiring, dead_sensors, other_wirings
-from .search import HOPELESS, ROUGH, Fit, box, chi2_bound, misfit, modulus_instead, search
+from .search import HOPELESS, ROUGH, Fit, box, chi2_bound, misfit, search, settle
 from .simulation import SensedForward
 from .zone_sets import alternatives, drop_zones
 
@@ -49,10 +49,14 @@ class Twin:
     sensor_parameters : mapping of str to float or array_like of shape (sensors,)
         Parameters of the sensors that differ from their start values; they rest at the strain of the undamaged structure.
     nuisances : sequence of str
-        What else is unknown, with a normal prior: ``offset`` and ``gain`` of each sensor (deviation 0.02 of strain, or of
-        the change of resistance at full scale; 2 %), ``amplitude`` of every load that changes (10 %), ``frequency`` (5 %)
-        and ``phase`` (0.1 rad) of the built-in one, ``damping`` (a factor of 2), Young's ``modulus`` (2 %; only if
-        ``sparse``), and a load by its name, for instance ``pressure`` (any, a spline in time that is added).
+        What else is fitted, with a normal prior: ``offset`` and ``gain`` of each sensor (deviation 0.02 of strain, or of the
+        change of resistance at full scale; 2 %), the ``clock`` (5 samples late), ``amplitude`` of every load that changes
+        (10 %), ``frequency`` (5 %) and ``phase`` (0.1 rad) of the built-in one, ``damping`` (a factor of 2), Young's
+        ``modulus`` (2 %; only if ``sparse``), ``density`` and ``prestrain`` (5 %), and a load by its name, for instance
+        ``pressure`` (any, a spline in time that is added).
+    known : sequence of str
+        Which of these, but for ``phase`` and loads by name, are known exactly. All others are allowed for: the record is
+        weighed by what they may change, to first order about their likeliest values, which the answer states.
     sparse : bool
         Whether zones are dropped while chi2 rises by less than 9 for each.
     discrepancy : Discrepancy, "learned" or None
@@ -83,7 +87,8 @@ class Twin:
         parameters: Mapping[str, float] | None = None,
         sensor: SensorArtifact | None = None,
         sensor_parameters: Mapping[str, ArrayLike] | None = None,
-        nuisances: Sequence[str] = ("offset",),
+        nuisances: Sequence[str] = (),
+        known: Sequence[str] = (),
         sparse: bool = True,
         discrepancy: Discrepancy | Literal["learned"] | None = "learned",
         mesh_error: MeshErrors | None = None,
@@ -93,10 +98,12 @@ class Twin:
             msg = "Young's modulus and damage of all zones cannot be told apart. Fit it with sparse=True, or leave it out."
             raise ParameterError(msg)
         self.nuisances, self.sparse, self._mesh_error, self._whole = tuple(nuisances), sparse, mesh_error, whole
+        self.known = tuple(known)
         self._forward = forward_of(structure, parameters)
         self._sensed = SensedForward(self._forward, sensor, sensor_parameters)
         self.parameters = self._forward.parameters
         check_names(self.nuisances, self._forward.inputs)
+        check_names(self.known)
         if discrepancy == "learned":
             discrepancy = default_discrepancy() if is_learned(self._forward) else None
         self.discrepancy = discrepancy
@@ -163,13 +170,13 @@ class Twin:
         unresolved = _unresolved(fit)
         groups = alike(without_nuisances(fit.model.A, self.zones))
         if fit.passes and groups.max() + 1 < self.zones:  # those that the record cannot tell apart have one damage
-            whole = self._problem(record, self._compared(record), report, groups)
+            whole = self._problem(record, report, groups)
             counts = np.bincount(groups)
             means = np.bincount(groups, fit.point.x[: self.zones]) / counts
             together, _ = search([whole], means, sparse=self.sparse)
             fit = together if together.passes else fit
         if not fit.passes:
-            wider = self._problem(record, fit.problem.record.samples, report, wider=True)
+            wider = self._problem(record, report, wider=True)
             doubts[:0] = [reason] if (reason := likely_reason(fit, wider)) else []
         return self._answer(fit, doubts, wiring, unresolved)
 
@@ -192,7 +199,7 @@ class Twin:
             As ``fit``.
         """
         record = self._usable(record)[0]
-        problem = self._problem(record, self._compared(record))
+        problem = self._problem(record)
         (point,) = problem.points(np.zeros((1, problem.size)))
         free = np.ones(problem.size, dtype=bool)
         A = problem.about(point, free, problem.derivatives(point, free)).A
@@ -218,29 +225,40 @@ class Twin:
 
     def _check(self, record: ResponseRecord) -> None:
         """Refuse more unknowns than readings, and load states without an equilibrium."""
-        problem = self._problem(record, self._compared(record))
-        readings = len(record.sensors) * problem.record.states
-        if problem.size > readings:
+        compared = record.first(self._compared(record))
+        readings = len(record.sensors) * compared.states
+        size = DamageUnknowns(self._forward, self._nuisances(self.nuisances, compared)).size
+        if size > readings:
             msg = (
-                f"{problem.size} unknowns, {self.zones} of them damages, cannot be told from {readings} readings under "
+                f"{size} unknowns, {self.zones} of them damages, cannot be told from {readings} readings under "
                 "different loads. Add load states, samples or sensors, or fit less."
             )
             raise DataError(msg)
         if isinstance(record, StaticRecord):
-            lost = ~np.isfinite(problem.predict(np.zeros((1, problem.size)))[0]).all(axis=0)
+            start = {name: np.array([value]) for name, value in record.start.items()}
+            strain = self._forward.states(np.zeros((1, self.zones)), start, record.inputs)[0]
+            lost = ~np.isfinite(strain[:, record.state]).all(axis=0)
             if lost.any():
                 names = ", ".join(dict.fromkeys(record.names[k] for k in record.state[lost]))
                 msg = f"the undamaged membrane has no equilibrium in load state {names}. Check its loads and supports."
                 raise DataError(msg)
 
-    def _nuisances(self, kinds: tuple[str, ...], loads: Loads, length: float) -> Nuisances:
-        model = self._forward
+    def _nuisances(self, kinds: tuple[str, ...], record: ResponseRecord) -> Nuisances:
+        model, loads = self._forward, Loads(record.start, record.inputs)
         spacing = KNOTS * model.period if set(kinds) & set(model.inputs) else math.inf
-        return Nuisances(kinds, model.parameters, model.inputs, model.sensors, loads, length, spacing)
+        return Nuisances(kinds, model.parameters, model.inputs, model.sensors, loads, record.step * record.samples, spacing)
+
+    def _linear(self, record: ResponseRecord) -> tuple[str, ...]:
+        """Return the nuisances that are allowed for, and not fitted."""
+        left_out = {*self.nuisances, *self.known, *(OF_MOTION if isinstance(record, StaticRecord) else ())}
+        left_out |= {*OF_BUILT_IN} if {*self.nuisances} & {*self._forward.inputs} else set()  # any load is any of these
+        given = possible(self._forward.parameters, Loads(record.start, record.inputs))
+        return tuple(name for name in given if name in BY_DEFAULT and name not in left_out)
 
     def _stages(self, record: ResponseRecord, report: Callable[[float, int], None]) -> list[RecordProblem]:
         """Make the problems of longer and longer beginnings of a record."""
-        return [self._problem(record, n, report) for n in (*self._early_samples(record), self._compared(record))]
+        early = [self._problem(record, report, samples=samples) for samples in self._early_samples(record)]
+        return [*early, self._problem(record, report)]
 
     def _compared(self, record: ResponseRecord) -> int:
         """Return how many samples are compared: those that the discrepancy covers, or that do not take too many steps."""
@@ -261,41 +279,44 @@ class Twin:
     def _problem(
         self,
         record: ResponseRecord,
-        samples: int,
         report: Callable[[float, int], None] = lambda *_: None,
         groups: NDArray[np.int64] | None = None,
         *,
+        samples: int | None = None,
         wider: bool = False,
     ) -> RecordProblem:
-        """Make the problem of the beginning of a record; its noise is that of all of it. Wider: with all nuisances."""
-        compared, loads = record.first(self._compared(record)), Loads(record.start, record.inputs)
-        more = possible(self._forward.parameters, loads) if wider else ()
-        kinds = tuple(dict.fromkeys((*self.nuisances, *more)))
-        nuisances = self._nuisances(kinds, loads, compared.step * compared.samples)
+        """Make the problem of what is compared of a record, or of its first samples with all nuisances among the unknowns.
+
+        Its noise is that of all of it. Wider: with every nuisance that the structure has, among the unknowns.
+        """
+        compared, linear = record.first(self._compared(record)), self._linear(record)
+        more = possible(self._forward.parameters, Loads(record.start, record.inputs)) if wider else linear
+        nuisances = self._nuisances(tuple(dict.fromkeys((*self.nuisances, *more))), compared)
+        linear = () if wider or samples is not None else linear
         return RecordProblem(
             self._sensed,
-            record.first(samples),
+            compared if samples is None else compared.first(samples),
             nuisances,
             record.noise_deviation(),
             self.discrepancy,
             groups,
+            linear,
             None if self._mesh_error is None else self._mesh_error.of(compared).components,
             report,
         )
 
     def _other_wiring(self, record: ResponseRecord, fit: Fit, report: Callable[[float, int], None]) -> Wiring | None:
         """Return another reading of a record that does not fit as it is, or None if none fits either."""
-        wirings = other_wirings(record.first(fit.problem.record.samples), fit.point.predicted)
+        wirings = other_wirings(record.first(fit.problem.record.samples), fit.problem.reading(fit.point))
         return best_wiring(wirings, [self._early_misfit(wiring.applied(record), report) for wiring in wirings])
 
     def _early_misfit(self, record: ResponseRecord, report: Callable[[float, int], None]) -> float:
         """Return the misfit of the last early stage, or of the first one that is hopeless."""
-        x, found = None, np.inf
-        for samples in self._early_samples(record) or [self._compared(record)]:
-            stage = self._problem(record, samples, report)
-            start = np.zeros(stage.size) if x is None else x
-            point = descend(stage, start, np.ones(stage.size, dtype=bool), enough=ROUGH).point
-            x, found = point.x, misfit(stage, point)
+        stages = self._stages(record, report)
+        x, found = np.zeros(stages[0].size), np.inf
+        for stage in stages[:-1] or stages:
+            settled, reached = settle(stage, x, stage.z0[stage.linear], np.ones(stage.size, dtype=bool), enough=ROUGH)
+            x, found = reached.point.x, misfit(settled, reached.point)
             if found > HOPELESS:
                 break
         return found
@@ -321,13 +342,10 @@ class Twin:
                 f"the twin does not explain the record: chi2 per sample is {per_sample:.3g}, its bound {bound:.3g}. Check "
                 "load, damping, sensors and noise, or fit more nuisances"
             )
-        other = modulus_instead(fit) if fit.passes and MODULUS not in self.nuisances else None
-        if other is not None:
-            valid = False
-            doubts.append(
-                f"a change of Young's modulus by {100.0 * other:.1f} % explains the record with fewer damaged zones. Fit it "
-                "too: nuisances with 'modulus'"
-            )
+        z, spread_of_z = problem.likeliest(fit.point), np.zeros(problem.z0.size)
+        spread_of_z[problem.fitted] = deviation[zones:]
+        spread_of_z[problem.linear] = problem.linear_deviations(fit.J, covariance)
+        doubts += problem.nuisances.far(z)
         if self._mesh_error is not None and self.discrepancy is None:
             error = self._mesh_error.of(problem.record)
             doubts += self._mesh_error.doubts(error)
@@ -338,7 +356,7 @@ class Twin:
             deviation=deviation[:zones][groups],
             probability=likely.probability[:zones][groups],
             covariance=damages[np.ix_(groups, groups)],
-            nuisances=problem.nuisances.values(x[zones:], deviation[zones:]),
+            nuisances=problem.nuisances.values(z, spread_of_z),
             chi2_per_sample=per_sample,
             chi2_bound=bound,
             valid=valid,
