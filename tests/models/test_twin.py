@@ -64,7 +64,8 @@ def test_without_noise_the_damage_is_exact_and_how_far_it_is_was_said(forward, t
 
 def test_all_zones_at_once_are_exact_without_noise(forward):
     many = np.linspace(0.0, 0.6, 16)[np.random.default_rng(1).permutation(16)]
-    answer = Twin(SQUARE, sparse=False).fit(ResponseRecord(step=STEP, values=strain(forward, many), noise=1e-5))
+    twin = Twin(SQUARE, sparse=False, known=BY_DEFAULT)
+    answer = twin.fit(ResponseRecord(step=STEP, values=strain(forward, many), noise=1e-5))
     np.testing.assert_allclose(answer.damage, many, atol=1e-5)
 
 
@@ -152,8 +153,8 @@ def test_what_is_off_beside_the_damage_is_allowed_for_and_told(forward, twin, na
     np.testing.assert_allclose(answer.damage, TWO, atol=0.01)
     value, deviation = answer.nuisances[name]
     assert abs(value - true) < 4.0 * deviation
-    said = {"modulus": "Young's modulus is 0.95", "gain[2]": "sensor 2 has a gain of 0.95"}
-    assert [each[: len(said[name])] for each in answer.doubts] == [said[name]] if name in said else answer.doubts == ()
+    told = [each[: len("sensor 2 has a gain of 0.95")] for each in answer.doubts]
+    assert told == (["sensor 2 has a gain of 0.95"] if name == "gain[2]" else [])
 
 
 @pytest.mark.parametrize(
@@ -200,7 +201,7 @@ def test_a_softer_membrane_is_no_damage_of_all_zones(forward):
         assert answer.valid
         assert not answer.damage.any()
         value, deviation = answer.nuisances["modulus"]
-        assert abs(value - 0.97) < 4.0 * deviation < 0.03
+        assert abs(value - 0.97) < 3.0 * deviation < 0.06
     everywhere = Twin(SQUARE, sparse=False).fit(record)
     assert np.all(everywhere.damage < 3.0 * everywhere.deviation)
 
@@ -350,8 +351,8 @@ def test_what_the_learned_error_does_not_cover_is_neither_compared_nor_simulated
 
 def test_a_hopeless_record_is_given_up_soon(forward, twin):
     """Noise of a thousandth of that of the record: no damage explains it, and no other start is tried."""
-    wrong = strain(forward, TWO, 0.02, pressure_phase=1.2)
     right = strain(forward, TWO, 0.02)
+    wrong = right[:, ::-1]
     given_up, found = (twin.fit(ResponseRecord(step=STEP, values=values, noise=NOISE)) for values in (wrong, right))
     assert not given_up.valid
     assert given_up.simulations < 2 * found.simulations

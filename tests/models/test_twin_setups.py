@@ -8,6 +8,7 @@ from gossamer_models.membrane.portable import read_structure, structure_text
 from gossamer_models.sensor import default_artifact
 from gossamer_models.twin import MembraneForward, ResponseRecord, StaticRecord, Twin, Watch, read_table
 from gossamer_models.twin.groups import alike, untold
+from gossamer_models.twin.nuisances import BY_DEFAULT
 from gossamer_models.twin.problem import RecordWeights
 from gossamer_models.twin.record import best_wiring, other_wirings
 from gossamer_models.twin.simulation import SensedForward
@@ -145,7 +146,7 @@ def test_the_slopes_of_equilibria_are_those_of_the_closed_form(strip):
 
 def test_damage_is_found_from_load_states_of_the_closed_form(strip):
     damage = np.array([0.0, 0.25, 0.0, 0.4])
-    answer = Twin(strip, nuisances=()).fit(static(pulled(damage)))
+    answer = Twin(strip, known=BY_DEFAULT).fit(static(pulled(damage)))
     assert answer.valid
     np.testing.assert_allclose(answer.damage, damage, atol=1e-4)
 

@@ -26,7 +26,8 @@ NEGLIGIBLE = 1e-9  # of the largest eigenvalue: directions that gaps leave witho
 ROUNDED = 1e-14  # of the largest eigenvalue: what round-off leaves of it
 NEAR = 0.03  # of damage, by which columns hardly change
 BENT = 0.5  # of a column, at most, by which it changes where its nuisance moves by the prior's deviation
-NUISANCE_STEP = 0.02  # in units of the prior's deviation
+NUISANCE_STEP = 1e-4  # in units of the prior's deviation
+SMALL_STEP = 2e-5  # of damage: errors of differences would tell modulus, density, loads and equal damage apart
 Report: TypeAlias = Callable[[int, int], None]  # how many simulations of how many
 
 
@@ -198,7 +199,7 @@ class RecordProblem(DamageUnknowns, LeastSquares):
     Notes
     -----
     With the columns C, derivatives of the readings by the linear nuisances at the damages d and the nuisances
-    :math:`z_0`, the readings are :math:`y = f(d, z_0) + C (z - z_0) + e`, where z has a standard normal distribution. They are
+    :math:`z_0`, the readings are :math:`y = f(d, z_0) + C (z - z_0) + e`; z has a standard normal distribution. They are
     marginalised: :math:`y + C z_0` has the mean f and the covariance :math:`C C^T` beside that of e.
     """
 
@@ -215,6 +216,7 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         report: Callable[[float, int], None] = lambda *_: None,
     ) -> None:
         super().__init__(sensed.forward, nuisances, groups, linear)
+        self.steps[: self.zones] = SMALL_STEP
         self.sensed, self.record, self.noise, self._discrepancy = sensed, record, noise, discrepancy
         self._zero, self._scale = sensed.scale(record.kind)
         self._simulations, self._report, self._counting = [0], report, Lock()
@@ -234,7 +236,7 @@ class RecordProblem(DamageUnknowns, LeastSquares):
 
     def likeliest(self, point: Point) -> Vector:
         """Return all nuisances at a point, in units of their priors, the linear ones where they are likeliest."""
-        z = self.z(point.x[None])[0]
+        z: Vector = self.z(point.x[None])[0]
         z[self.linear] = np.clip(self.linear_values(point), -BEYOND, BEYOND)
         return z
 
@@ -310,7 +312,8 @@ class RecordProblem(DamageUnknowns, LeastSquares):
             splines = spline_matrix(record.samples, record.step, self._discrepancy.length)
         components = np.concatenate([self._columns, self._error])
         self._weights = RecordWeights(record.present, self.noise, components, splines)
-        self.values, self.columns = self._weights.values, self._weights.weigh(self._columns)
+        self.values = self._weights.values
+        self.columns = self._weights.weigh(self._columns)
         known = np.where(record.present, record.values, 0.0)[None]
         self.y = self._weights.weigh(known)[0] + self.z0[self.linear] @ self.columns
 

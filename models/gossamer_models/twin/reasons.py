@@ -11,7 +11,7 @@ from .search import ROUGH, Fit, box
 from .zone_sets import smallest
 
 WORTH = 0.5  # of chi2, left at most by a reason that is named
-TRIED = 2  # reasons that are fitted, those that promise most
+TRIED = 3  # reasons that are fitted, those that promise most
 STEPS = 8
 
 

@@ -240,7 +240,7 @@ def settle(
             problem = problem.renewed(x, z)
         found = descend(problem, x, free, most, enough)
         x, z = found.point.x, problem.linear_values(found.point)
-        if not problem.stale(x, z):
+        if most <= FEW_STEPS or not problem.stale(x, z):
             break
     return problem, found
 

@@ -22,7 +22,7 @@ from .forward import Forward, forward_of
 from .groups import UNRESOLVED, alike, untold, without_nuisances
 from .least_squares import MOST_DAMAGE, PRIOR_DEVIATION
 from .mesh_error import MeshErrors
-from .nuisances import BY_DEFAULT, KNOTS, MODULUS, OF_BUILT_IN, OF_MOTION, Loads, Nuisances, check_names, possible
+from .nuisances import BY_DEFAULT, FACTORS, KNOTS, MODULUS, OF_MOTION, Loads, Nuisances, check_names, possible
 from .problem import DamageUnknowns, RecordProblem
 from .reasons import likely_reason
 from .record import LEAST_SAMPLES, ResponseRecord, StaticRecord, Wiring, best_wiring, dead_sensors, other_wirings
@@ -56,7 +56,8 @@ class Twin:
         ``pressure`` (any, a spline in time that is added).
     known : sequence of str
         Which of these, but for ``phase`` and loads by name, are known exactly. All others are allowed for: the record is
-        weighed by what they may change, to first order about their likeliest values, which the answer states.
+        weighed by what they may change, to first order about their likeliest values, which the answer states. Beside a load
+        by its name only ``clock``, ``offset`` and ``gain`` are.
     sparse : bool
         Whether zones are dropped while chi2 rises by less than 9 for each.
     discrepancy : Discrepancy, "learned" or None
@@ -251,7 +252,7 @@ class Twin:
     def _linear(self, record: ResponseRecord) -> tuple[str, ...]:
         """Return the nuisances that are allowed for, and not fitted."""
         left_out = {*self.nuisances, *self.known, *(OF_MOTION if isinstance(record, StaticRecord) else ())}
-        left_out |= {*OF_BUILT_IN} if {*self.nuisances} & {*self._forward.inputs} else set()  # any load is any of these
+        left_out |= {*FACTORS} if {*self.nuisances} & {*self._forward.inputs} else set()  # any load explains any of them
         given = possible(self._forward.parameters, Loads(record.start, record.inputs))
         return tuple(name for name in given if name in BY_DEFAULT and name not in left_out)
 
