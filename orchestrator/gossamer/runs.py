@@ -91,7 +91,7 @@ class Run(Result):
         judged = self.judgements[-1].valid if self.judgements else None
         if self.watched is None:
             return judged
-        return judged is not False and bool(self.watched["misfit"][-1] <= LARGE)
+        return judged is not False and bool(self.watched["misfit"][-1] <= LARGE) and not self.watched["withheld"]
 
     def exit_code(self) -> int:
         """Return the exit code."""
