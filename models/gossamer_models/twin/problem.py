@@ -169,7 +169,9 @@ class DamageUnknowns:
         return y[0], (y[1:] - y[0]) / steps[:, None, None]
 
     def roughness(self, samples: int, h: float) -> float:
-        """Return how much differences of the strain by two steps of damage differ [1]: next to nothing if it is smooth.
+        """Return how far differences of the strain by three steps of damage are from a parabola [1].
+
+        Next to nothing if the response is smooth, however much it bends; more than 1 where a slack film flaps.
 
         Raises
         ------
@@ -178,10 +180,11 @@ class DamageUnknowns:
         """
         along = np.zeros(self.size)
         along[: self.zones] = np.random.default_rng(0).uniform(0.5, 1.0, self.zones)
-        steps = DAMAGE_STEP * np.array([0.1, 1.0])
+        steps = DAMAGE_STEP * np.array([0.25, 0.5, 1.0])
         y = require_finite(self.histories(np.vstack([0.0 * along, steps[:, None] * along]), samples, h))
-        short, long = (y[1:] - y[0]) / steps[:, None, None]
-        return float(np.linalg.norm(short - long)) / max(float(np.linalg.norm(long)), 1e-300)
+        short, middle, long = (y[1:] - y[0]) / steps[:, None, None]
+        bent = (long - middle) / 2.0 - (middle - short)
+        return float(np.linalg.norm(bent)) / max(float(np.linalg.norm(long)), 1e-300)
 
 
 class RecordProblem(DamageUnknowns, LeastSquares):
