@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from gossamer_models import ArtifactError, DataError
 from gossamer_models.twin.discrepancy import SPACING, Discrepancy, default_discrepancy, learn, spline_matrix
-from gossamer_models.twin.least_squares import Quadratic, bounded_minimum
+from gossamer_models.twin.least_squares import PRIOR_DEVIATION, Quadratic, bounded_minimum
 from gossamer_models.twin.problem import NoiseWeights, SplineWeights
-from gossamer_models.twin.zone_sets import THRESHOLD, Box, alternatives
+from gossamer_models.twin.zone_sets import ODDS, Box, alternatives
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
@@ -30,8 +30,12 @@ def test_a_damage_that_may_as_well_be_in_another_zone_is_that_uncertain():
     at = np.array([alone, 0.0])
     model = Quadratic(A=J.T @ J, g=J.T @ (y - J @ at), at=at)
     limits = Box(zones=np.array([True, True]), low=-at, high=0.95 - at)
-    both = np.exp(-(THRESHOLD - (m * t / noise) ** 2 / (1.0 + t**2)) / 2.0)
-    none = np.exp(-((m / noise) ** 2 / (1.0 + t**2) - THRESHOLD) / 2.0)
+    odds, prior = ODDS, PRIOR_DEVIATION  # the evidence of a set: odds, what is left of its prior, and how well it fits
+    A = J.T @ J
+    one = odds / np.sqrt(1.0 + prior**2 * A[0, 0])
+    two = odds**2 / np.sqrt(np.linalg.det(np.eye(2) + prior**2 * A))
+    both = two / one * np.exp((m * t / noise) ** 2 / (1.0 + t**2) / 2.0)
+    none = 1.0 / one * np.exp(-((m / noise) ** 2) / (1.0 + t**2) / 2.0)
     total = 2.0 + both + none
     found = alternatives(model, limits, np.array([True, False]))
     assert found.probability == pytest.approx([(1.0 + both) / total] * 2, abs=1e-12)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -20,7 +20,7 @@ from .forward import WORKERS
 from .least_squares import NEGLIGIBLE, Point, Quadratic, change, descend
 from .nuisances import FACTORS, MODULUS
 from .problem import RecordProblem
-from .zone_sets import THRESHOLD, Box, alternatives, drop_zones
+from .zone_sets import THRESHOLD, Alternatives, Box, alternatives, drop_zones, price
 
 S = TypeVar("S")
 T = TypeVar("T")
@@ -35,6 +35,7 @@ FEW_SENSORS = 1.5  # zones for each: with more zones there may be several minima
 HOPELESS = 5.0  # deviations of chi2 above the expected one
 MOST_STEPS = 12  # of one descent
 FEW_STEPS = 2  # where it is hopeless
+RIVAL_STEPS = 4  # of the descent of another set of zones
 MANY = 4  # zones: fewer are no imitation of a modulus
 WIDEST = 0.2  # of a change of the modulus
 
@@ -55,6 +56,8 @@ class Fit:
         Unknowns that are not dropped.
     early_chi2 : float
         Smallest chi2 of the first stage; infinite without one.
+    rivals : tuple of tuple
+        Other sets of zones that were fitted: unknowns that are not dropped, chi2, and where it is smallest.
     """
 
     problem: RecordProblem
@@ -62,6 +65,14 @@ class Fit:
     model: Quadratic
     kept: Rows
     early_chi2: float
+    rivals: tuple[tuple[Rows, float, Vector], ...] = ()
+
+    @property
+    def likely(self) -> Alternatives:
+        """Sets of zones that explain the record about as well."""
+        at, chi2 = self.point.x, self.point.chi2
+        known = [(kept, reached - chi2, x - at) for kept, reached, x in self.rivals]
+        return alternatives(self.model, box(self.problem, at), self.kept, known)
 
     @property
     def per_sample(self) -> float:
@@ -236,7 +247,30 @@ def _finish(whole: RecordProblem, x: Vector, early_chi2: float, *, sparse: bool,
             break
         kept, x = other, _moved(whole, full.at, move, other)
     assert best is not None
-    return best
+    return _with_rivals(best) if best.passes else best
+
+
+def _with_rivals(fit: Fit) -> Fit:
+    """Fit the sets of zones that may be as good by themselves; return the best fit, with the others as its rivals.
+
+    Where another zone takes the place of one, damages move far, and the quadratic model of chi2 is wrong by some tens.
+    """
+    whole, likely = fit.problem, fit.likely
+    limits, ends = box(whole, fit.point.x), [(fit.kept, fit.point.chi2, fit.point.x)]
+    for k in likely.rivals(fit.kept, limits):
+        x = _moved(whole, fit.point.x, likely.move[k], likely.kept[k])
+        found = descend(whole, x, likely.kept[k], RIVAL_STEPS, enough=ROUGH)
+        ends.append((likely.kept[k], found.point.chi2, found.point.x))
+    worth = [chi2 + price(fit.model, limits, kept) for kept, chi2, _ in ends]
+    best = int(np.argmin(worth))
+    rivals = tuple(each for k, each in enumerate(ends) if k != best)
+    if best == 0:
+        return replace(fit, rivals=rivals)
+    kept, _, x = ends[best]
+    free = np.ones(whole.size, dtype=bool)
+    point = descend(whole, x, kept).point
+    model = whole.about(point, free, whole.derivatives(point, free))
+    return replace(fit, point=point, model=model, kept=kept, rivals=rivals)
 
 
 def _common_as_modulus(problem: RecordProblem, x: Vector) -> Vector:

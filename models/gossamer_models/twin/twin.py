@@ -34,6 +34,8 @@ EARLY = (0.6, 2.0)  # first periods of the first stages: early, chi2 has one val
 VALLEY = 0.7  # first periods over which chi2 has one valley, at most
 MOST_STEPS = 5000  # internal steps that are compared, unless the record is said to be compared whole
 
+UNLIKELY = 1e-4  # sets of zones whose covariance does not count
+
 
 class Twin:
     """A simulation of the membrane, and of the sensors, that is fitted to records.
@@ -304,9 +306,10 @@ class Twin:
         problem, kept, zones, groups = fit.problem, fit.kept, fit.problem.zones, fit.problem.groups
         A, x = fit.model.A, fit.point.x
         limits = box(problem, x)
-        likely = alternatives(fit.model, limits, kept if self.sparse else drop_zones(fit.model, limits)[0])
+        likely = fit.likely if self.sparse else alternatives(fit.model, limits, drop_zones(fit.model, limits)[0])
         spread = likely.spread if self.sparse else np.zeros_like(A)
-        covariance = _covariance(A, kept) + spread
+        sets = zip(likely.weight, likely.kept, strict=True) if self.sparse else [(1.0, kept)]
+        covariance = spread + sum(weight * _covariance(A, some) for weight, some in sets if weight > UNLIKELY)
         deviation = np.sqrt(np.diag(covariance)).copy()
         for k in np.flatnonzero(~kept):
             alone = kept.copy()
