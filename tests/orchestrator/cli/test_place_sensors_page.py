@@ -19,7 +19,9 @@ def found() -> Placing:
     structure = square_structure()
     sensors, a90 = structure.setup.sensors, np.linspace(0.1, 0.25, 16)
     own, chosen = (Placement(sensors=sensors, deviation=factor * a90 / FACTOR) for factor in (1.0, 0.5))
-    return Placing(structure=structure, own=own, chosen=chosen, candidates=9, noise=1e-3, simulations=5)
+    return Placing(
+        structure=structure, own=own, chosen=chosen, candidates=9, noise=1e-3, samples=100, step=3e-4, simulations=5
+    )
 
 
 def page_of(found):
