@@ -27,7 +27,8 @@ from .information import choose, deviations, information, smallest_damage, weake
 
 NOISE = 0.02 / math.sqrt(12.0)  # of the thesis: uniform from 0 to 0.02 of strain
 GAUGE_NOISE = 1e-4  # of strain, where a structure is not the thesis'
-STEP, STOP = 3e-4, 0.3  # [s] of the square, as the twin compares them
+STEP = 3e-4  # [s] of the square, as the twin compares its records
+STOP = 0.3  # [s]
 PERIODS, PER_PERIOD, CYCLES = 6.0, 150.0, 2.0  # of a record: longest periods, samples in each, periods of the load
 STILL = 1e-12  # change of strain [1] that is none
 UNKNOWN = ("amplitude", "damping")  # beside damage and offsets, where they are not zero
