@@ -44,6 +44,23 @@ def test_a_damage_that_may_as_well_be_in_another_zone_is_that_uncertain():
     np.testing.assert_allclose(found.spread, np.einsum("k,ki,kj->ij", weights, moves, moves), atol=1e-12)
 
 
+def test_a_set_that_was_fitted_by_itself_counts_as_it_was_found():
+    """Far from the answer the quadratic model expects 20 more of chi2 for the other zone; the fit found 4 less."""
+    limits = Box(zones=np.array([True, True]), low=np.array([-0.3, 0.0]), high=np.array([0.6, 0.9]))
+    model = Quadratic(A=np.array([[1e4, 9.8e3], [9.8e3, 1e4]]), g=np.zeros(2), at=np.array([0.3, 0.0]))
+    answer, other = np.array([True, False]), np.array([False, True])
+    model = Quadratic(A=model.A * 20.0 / (0.09 * 1e4 * (1.0 - 0.98**2)), g=model.g, at=model.at)
+    found = alternatives(model, limits, answer)
+    (rival,) = found.rivals(answer, limits)
+    assert (found.kept[rival] == other).all()
+    assert found.worth[rival] - found.worth.min() == pytest.approx(20.0)
+    again = alternatives(model, limits, answer, [(other, -4.0, np.array([-0.3, 0.2]))])
+    best, move = again.best
+    assert (best == other).all()
+    assert move == pytest.approx([-0.3, 0.2])
+    assert again.probability[1] > 0.8
+
+
 def test_splines_weigh_by_the_inverse_of_the_covariance():
     """Against the dense covariance of the projected residuals, with gaps."""
     random = np.random.default_rng(2)
