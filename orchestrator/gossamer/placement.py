@@ -315,12 +315,12 @@ def place_sensors(
     load = {}
     if setup is None:
         structure, p = square_structure(), MembraneParams()
-        usual = NOISE, STEP, STOP
-        noise, step, stop = (x if y is None else y for x, y in zip(usual, (noise, step, stop), strict=True))
+        step, stop = STEP if step is None else step, STOP if stop is None else stop
         load = {name: getattr(p, name) for name in ("pressure_amplitude", "pressure_frequency", "pressure_phase")}
     else:
         structure = load_structure(find_scenario(str(setup), "membrane"), None if mesh is None else Path(mesh))
-        noise = GAUGE_NOISE if noise is None else noise
+    if noise is None:
+        noise = NOISE if setup is None else GAUGE_NOISE
 
     def report(what: str, done: int, total: int) -> None:
         if total:

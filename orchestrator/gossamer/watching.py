@@ -99,9 +99,9 @@ class Watching(Saved):
     @property
     def explained(self) -> bool:
         """Whether the twin explains the last window, and the readings after each alarm."""
-        from gossamer_orchestrator.results.files import LARGE
+        from gossamer_orchestrator.results.files import is_explained
 
-        return self.misfits[-1] <= LARGE and not self.withheld
+        return is_explained(self.content)
 
     @property
     def summary(self) -> str:

@@ -44,7 +44,8 @@ def uncertain(value: float, deviation: float, unit: str = "") -> str:
     Returns
     -------
     str
-        For instance ``0.767098 ± 0.000003 s``; with a deviation of 0 the value alone, in six digits.
+        For instance ``0.767098 ± 0.000003 s``; with a deviation of 0 the value alone, in six digits. Small
+        ones have a power of ten in common: ``(-16.7 ± 0.4)e-6``.
     """
     after = f" {unit}" if unit else ""
     if not math.isfinite(deviation):

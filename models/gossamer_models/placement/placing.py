@@ -162,10 +162,11 @@ def place_sensors(
     every = candidates(structure, points, gauge_length, own=True)
     forward = MembraneForward(structure, load, every)
     known, zones = forward.parameters, len(forward.zones)
-    slowest = max(
-        PERIODS * forward.period, CYCLES / max(known["pressure_frequency"], 1e-300) * (known["pressure_amplitude"] > 0.0)
-    )
-    stop, step = (float(f"{x:.2g}") if y is None else y for x, y in ((slowest, stop), (forward.period / PER_PERIOD, step)))
+    if stop is None:
+        f = known["pressure_frequency"] if known["pressure_amplitude"] > 0.0 else 0.0
+        stop = float(f"{max(PERIODS * forward.period, CYCLES / f if f else 0.0):.2g}")
+    if step is None:
+        step = float(f"{forward.period / PER_PERIOD:.2g}")
     samples = _samples(noise, step, stop)
     unknown = tuple(name for name in UNKNOWN if known[FACTORS[name][0]] > 0.0)
     nuisances = Nuisances(unknown, known, forward.inputs, forward.sensors)

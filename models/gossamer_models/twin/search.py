@@ -17,7 +17,7 @@ from scipy.stats import chi2 as chi2_distribution
 from ..arrays import Matrix, Rows, Vector
 from ..errors import ConvergenceError
 from .forward import WORKERS
-from .least_squares import NEGLIGIBLE, Point, Quadratic, change, descend
+from .least_squares import NEGLIGIBLE, Minimum, Point, Quadratic, change, descend
 from .nuisances import FACTORS, MODULUS
 from .problem import RecordProblem
 from .zone_sets import THRESHOLD, Alternatives, Box, alternatives, drop_zones, price
@@ -231,14 +231,12 @@ def _finish(whole: RecordProblem, x: Vector, early_chi2: float, *, sparse: bool,
         model = whole.about(whole.points(_common_as_modulus(whole, found.point.x)[None])[0], free, found.J)
     kept, move = drop_zones(model, box(whole, model.at))
     x, best, worth = _moved(whole, model.at, move, kept), None, np.inf
-    J = np.empty((whole.values, whole.size))
     for _ in range(changes):
         found = descend(whole, x, kept, most)
         reached = found.point.chi2 + THRESHOLD * kept[: whole.zones].sum()
         if best is not None and reached >= worth:
             break
-        J[:, kept], J[:, ~kept] = found.J, whole.derivatives(found.point, ~kept)
-        full = whole.about(found.point, free, J)
+        full = _over_all(whole, found, kept)
         best, worth = Fit(whole, found.point, full, kept, early_chi2), reached
         likely = alternatives(full, box(whole, full.at), drop_zones(full, box(whole, full.at))[0])
         other, move = likely.best
@@ -250,6 +248,13 @@ def _finish(whole: RecordProblem, x: Vector, early_chi2: float, *, sparse: bool,
     return _with_rivals(best) if best.passes else best
 
 
+def _over_all(problem: RecordProblem, found: Minimum, kept: Rows) -> Quadratic:
+    """Return the quadratic model over all unknowns, at a minimum over the kept ones."""
+    J = np.empty((problem.values, problem.size))
+    J[:, kept], J[:, ~kept] = found.J, problem.derivatives(found.point, ~kept)
+    return problem.about(found.point, np.ones(problem.size, dtype=bool), J)
+
+
 def _with_rivals(fit: Fit) -> Fit:
     """Fit the sets of zones that may be as good by themselves; return the best fit, with the others as its rivals.
 
@@ -259,18 +264,19 @@ def _with_rivals(fit: Fit) -> Fit:
     limits, ends = box(whole, fit.point.x), [(fit.kept, fit.point.chi2, fit.point.x)]
     for k in likely.rivals(fit.kept, limits):
         x = _moved(whole, fit.point.x, likely.move[k], likely.kept[k])
-        found = descend(whole, x, likely.kept[k], RIVAL_STEPS, enough=ROUGH)
-        ends.append((likely.kept[k], found.point.chi2, found.point.x))
+        try:
+            point = descend(whole, x, likely.kept[k], RIVAL_STEPS, enough=ROUGH).point
+        except ConvergenceError:  # no reason to lose the fit
+            continue
+        ends.append((likely.kept[k], point.chi2, point.x))
     worth = [chi2 + price(fit.model, limits, kept) for kept, chi2, _ in ends]
     best = int(np.argmin(worth))
     rivals = tuple(each for k, each in enumerate(ends) if k != best)
     if best == 0:
         return replace(fit, rivals=rivals)
     kept, _, x = ends[best]
-    free = np.ones(whole.size, dtype=bool)
-    point = descend(whole, x, kept).point
-    model = whole.about(point, free, whole.derivatives(point, free))
-    return replace(fit, point=point, model=model, kept=kept, rivals=rivals)
+    found = descend(whole, x, kept)
+    return replace(fit, point=found.point, model=_over_all(whole, found, kept), kept=kept, rivals=rivals)
 
 
 def _common_as_modulus(problem: RecordProblem, x: Vector) -> Vector:

@@ -33,7 +33,6 @@ from .zone_sets import alternatives, drop_zones
 EARLY = (0.6, 2.0)  # first periods of the first stages: early, chi2 has one valley; over two periods it has several
 VALLEY = 0.7  # first periods over which chi2 has one valley, at most
 MOST_STEPS = 5000  # internal steps that are compared, unless the record is said to be compared whole
-
 UNLIKELY = 1e-4  # sets of zones whose covariance does not count
 
 
