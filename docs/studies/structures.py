@@ -108,12 +108,17 @@ def measure(name: str, row: Row, count: int) -> str:
     error, kept, damaged = np.abs(found - damage), found > 0.0, damage > 0.0
     z = (error / np.maximum(deviation, 1e-12))[kept | (damaged & (deviation > 0.0))]
     wrong = valid[:, None] & (error > 0.05) & (error > 3.0 * deviation)
+    told = np.array([a.determined for a in answers])
+    low, high = np.moveaxis(np.array([a.bounds for a in answers]), 2, 0)
+    within = ((low - 1e-12 <= damage) & (damage <= high + 1e-12))[valid]
     missed = damaged & ~kept & (damage > 2.0 * deviation)
     swing = np.mean([np.ptp(record.values) for record in made])
     return (
         f"| {name} | {structure.n_zones}, {structure.n_sensors} | {row.asked} | {100 * error.mean():.2f} / "
         f"{100 * error[damaged].mean():.2f} | {100 * error.max():.1f} | {np.sqrt(np.mean(z**2)):.2f} | {missed.sum()} / "
-        f"{(kept & ~damaged).sum()} | {valid.sum()} of {count} | {wrong.any(axis=1).sum()} | {seconds:.1f} | {swing:.2g} |"
+        f"{(kept & ~damaged).sum()} | {valid.sum()} of {count} | {(wrong & told).any(axis=1).sum()}, "
+        f"{wrong.any(axis=1).sum()} | {100 * within.mean():.1f}, {100 * within[damaged[valid]].mean():.0f} | "
+        f"{seconds:.1f} | {swing:.2g} |"
     )
 
 
@@ -151,7 +156,8 @@ def watch(name: str, structure: Structure, count: int, step: float = 2.5e-4) -> 
 
 HEAD = (
     "| record | zones, sensors | asked: error all / damaged [%] | all / damaged [%] | largest [%] | rms z | missed / false |"
-    " valid | wrong and valid | CPU a fit [s] | swing of strain [1] |\n|---|---|---|---|---|---|---|---|---|---|---|"
+    " valid | wrong and valid: determined, any | within the 95 % bounds, all, damaged zones [%] | CPU a fit [s] | swing of"
+    " strain [1] |\n|---|---|---|---|---|---|---|---|---|---|---|---|"
 )
 ROWS = {
     "dish": Row("0.2 / 1", lambda: shipped("reflector"), 2.4e-4),

@@ -341,7 +341,11 @@ def _scale(axis: Mapping[str, Any], which: str, ax: Axes, *, is_time: bool) -> N
         getattr(ax, f"set_{which}ticks")(axis["tickvals"], axis.get("ticktext"), minor=False)
         found.set_minor_formatter("")
     elif axis.get("dtick") == 1 and axis.get("type") != "log":
-        found.set_major_locator(MaxNLocator(20, steps=[1, 2, 5, 10], integer=True))
+        place = ax.get_subplotspec()
+        most = min(20, 40 // place.get_gridspec().ncols) if place else 20
+        low, high = found.get_data_interval()
+        ticks = MaxNLocator(most, steps=[1, 2, 5, 10], integer=True).tick_values(low, high)
+        found.set_ticks([each for each in ticks if low <= each <= high])
     if axis.get("showticklabels") is False:
         getattr(ax, f"set_{which}ticks")([])
     if axis.get("rangemode") == "tozero":

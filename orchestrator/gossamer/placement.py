@@ -32,12 +32,9 @@ class SensorPlacement(Saved):
         Table, picture, sensors and page.
     result : gossamer_models.placement.Placing
         Everything that was found.
-    samples : int
-        Of a record.
     """
 
     result: Placing
-    samples: int
 
     @property
     def path(self) -> Path:
@@ -79,7 +76,7 @@ class SensorPlacement(Saved):
                 "sensor": np.arange(1, len(sensors) + 1),
                 "axis": list("xyz"),
             },
-            attrs={"noise": self.result.noise, "samples": self.samples},
+            attrs={"noise": self.result.noise, "samples": self.result.samples},
         )
 
     @property
@@ -137,8 +134,8 @@ class SensorPlacement(Saved):
         """Return what was chosen from what, whether the check agrees, and where the sensors are."""
         found = self.result
         lines = [
-            f"{len(found.chosen.sensors)} of {found.candidates} candidates; {self.samples} samples with white noise of "
-            f"deviation {found.noise:.3g}; a90 of 95 % stands for 95 % or more.",
+            f"{len(found.chosen.sensors)} of {found.candidates} candidates; {found.samples} samples, one each "
+            f"{found.step:.4g} s, with white noise of deviation {found.noise:.3g}; a90 of 95 % stands for 95 % or more.",
             *self._told,
             *self._checked,
         ]
@@ -175,6 +172,7 @@ class SensorPlacement(Saved):
         from gossamer_models.placement.plots import placement_charts
         from gossamer_orchestrator.pages import Page, on_page, table
 
+        found = self.result
         sensors = [
             (
                 f"{name} {k + 1}",
@@ -185,10 +183,11 @@ class SensorPlacement(Saved):
             for k, s in enumerate(p.sensors)
         ]
         about = [
-            ("Candidates", self.result.candidates),
-            ("Samples of a record", self.samples),
-            ("Deviation of the noise of a sample [1]", f"{self.result.noise:.4g}"),
-            ("Simulated cases", self.result.simulations),
+            ("Candidates", found.candidates),
+            ("Samples of a record", found.samples),
+            ("Time between samples [s]", f"{found.step:.4g}"),
+            ("Deviation of the noise of a sample [1]", f"{found.noise:.4g}"),
+            ("Simulated cases", found.simulations),
         ]
         parts = (
             *map(on_page, self.tables()),
@@ -232,15 +231,15 @@ class SensorPlacement(Saved):
 
 @command
 def place_sensors(
-    setup: File | None = None,
     *,
+    setup: File | None = None,
     mesh: File | None = None,
     count: Count | None = None,
     target: NotNegative = 0.02,
     noise: float | None = None,
     set: Values | None = None,
-    stop: float = 0.3,
-    step: float = 3e-4,
+    stop: float | None = None,
+    step: float | None = None,
     points: Count = 64,
     gauge_length: NotNegative = 0.0,
     check: CountOrNone = 0,
@@ -265,13 +264,15 @@ def place_sensors(
     target
         Standard deviation of the worst zone's damage [1] to reach.
     noise
-        Standard deviation of the noise of a sample of strain [1]; by default that of the thesis, uniform from 0 to 0.02.
+        Standard deviation of the noise of a sample of strain [1]; by default that of the thesis, uniform from 0 to 0.02, and
+        1e-4 with a setup.
     set
         A parameter or input of the membrane; may be repeated.
     stop
-        Length of a record from the moment that the load sets in [s].
+        Length of a record from the moment that the load sets in [s]; by default six of the structure's longest periods, or
+        two of its load, if they are longer; 0.3 s of the square.
     step
-        Time between samples [s].
+        Time between samples [s]; by default a 150th of the longest period, 3e-4 s of the square.
     points
         Most points among the candidates, four directions at each.
     gauge_length
@@ -294,29 +295,32 @@ def place_sensors(
 
         gossamer place-sensors --count 4 --check 40
 
-        gossamer place-sensors sail.toml --set pressure_amplitude=2 --set pressure_frequency=0.5 --stop 20 --step 0.02
+        gossamer place-sensors --setup drum --count 8 --noise 1e-5
     """
     from gossamer_files import replacing
     from gossamer_models.membrane import MembraneParams, square_structure
-    from gossamer_models.placement import NOISE, save_picture, sensors_text, write_csv
+    from gossamer_models.placement import GAUGE_NOISE, NOISE, STEP, STOP, save_picture, sensors_text, write_csv
     from gossamer_models.placement import place_sensors as place
     from gossamer_orchestrator.scenario.source import find_scenario
 
     from .descriptions import load_structure
 
-    folder, samples = Path(out), round(stop / step)
+    folder = Path(out)
     table, picture, sensors = (folder / name for name in ("placement.csv", "placement.png", "sensors.toml"))
     keep_inputs([setup, mesh], [table, picture, sensors])
     if setup is None and mesh is not None:
-        msg = f"{option('mesh')} needs a setup. Write: gossamer place-sensors sail.toml --mesh sail.msh"
+        msg = f"{option('mesh')} needs a setup. Write: gossamer place-sensors --setup sail.toml --mesh sail.msh"
         raise OrchestratorError(msg)
     bar = progress_bar("place-sensors")
     load = {}
     if setup is None:
         structure, p = square_structure(), MembraneParams()
+        step, stop = STEP if step is None else step, STOP if stop is None else stop
         load = {name: getattr(p, name) for name in ("pressure_amplitude", "pressure_frequency", "pressure_phase")}
     else:
         structure = load_structure(find_scenario(str(setup), "membrane"), None if mesh is None else Path(mesh))
+    if noise is None:
+        noise = NOISE if setup is None else GAUGE_NOISE
 
     def report(what: str, done: int, total: int) -> None:
         if total:
@@ -330,7 +334,7 @@ def place_sensors(
             load | numbers_by_name(assigned(set), "for instance pressure_amplitude=100"),
             count,
             target=target,
-            noise=NOISE if noise is None else noise,
+            noise=noise,
             points=points,
             step=step,
             stop=stop,
@@ -343,5 +347,5 @@ def place_sensors(
     save_picture(found, picture)
     with replacing(sensors) as unfinished:
         unfinished.write_text(sensors_text(found), encoding="utf-8")
-    placed = SensorPlacement(files=[table, picture, sensors], result=found, samples=samples)
+    placed = SensorPlacement(files=[table, picture, sensors], result=found)
     return placed.with_page(folder)

@@ -48,8 +48,8 @@ class Watching(Saved):
         Names of the zones.
     alarms : list of float
         Ends of the windows that raised an alarm [s].
-    findings : list of gossamer_models.twin.DamageOnset
-        Onset and damages, of each damage that began.
+    findings, withheld : list of gossamer_models.twin.DamageOnset
+        Onset and damages, of each damage that began; apart those that do not explain the readings.
     times, scores, misfits : list of float
         End of each window [s], the score of new damage in units of its mean [1], and chi2 per sample [1].
     """
@@ -57,6 +57,7 @@ class Watching(Saved):
     zones: tuple[str, ...]
     alarms: list[float] = field(default_factory=list)
     findings: list[DamageOnset] = field(default_factory=list)
+    withheld: list[DamageOnset] = field(default_factory=list)
     times: list[float] = field(default_factory=list)
     scores: list[float] = field(default_factory=list)
     misfits: list[float] = field(default_factory=list)
@@ -71,9 +72,14 @@ class Watching(Saved):
             self.alarms.append(judged.time)
             text = f"t = {judged.time:.4f} s: ALARM, the score of new damage is {judged.statistic:.3g} times its mean"
             console.print(text, style="bold red", highlight=False)
-        if judged.finding is not None:
-            self.findings.append(judged.finding)
-            print_tables(console, [_table(judged.finding)])
+        if (found := judged.finding) is None:
+            return
+        (self.findings if found.valid else self.withheld).append(found)
+        if found.valid:
+            print_tables(console, [_table(found)])
+        else:
+            text = f"No damage explains the readings: chi2 per sample stays {found.chi2_per_sample:.3g}. Zones are withheld."
+            console.print(text, style="bold yellow", highlight=False)
 
     def end(self, console: Console) -> None:
         """Print a summary, and write the file."""
@@ -92,10 +98,10 @@ class Watching(Saved):
 
     @property
     def explained(self) -> bool:
-        """Whether the twin explains the last window."""
-        from gossamer_orchestrator.results.files import LARGE
+        """Whether the twin explains the last window, and the readings after each alarm."""
+        from gossamer_orchestrator.results.files import is_explained
 
-        return self.misfits[-1] <= LARGE
+        return is_explained(self.content)
 
     @property
     def summary(self) -> str:
@@ -106,7 +112,7 @@ class Watching(Saved):
     def content(self) -> dict[str, Any]:
         """What is in the file."""
         content = {"alarms": self.alarms, "findings": self.findings, "misfit": self.misfits}
-        return content | {"time": self.times, "score": self.scores}
+        return content | {"time": self.times, "score": self.scores, "withheld": len(self.withheld)}
 
     @property
     def data(self) -> xr.Dataset:
@@ -138,9 +144,11 @@ class Watching(Saved):
         return f"{self.summary}{': at ' * bool(times)}{times}."
 
     def more(self) -> list[str]:
-        """Return a reason for doubt, if the twin does not explain the last window."""
+        """Return a reason for doubt, if the twin does not explain the readings."""
+        where = "what followed an alarm" if self.withheld else "the last window"
+        worst = self.withheld[-1].chi2_per_sample if self.withheld else self.misfits[-1]
         doubt = (
-            f"The twin does not explain the last window: chi2 per sample is {self.misfits[-1]:.3g}. Check load, "
+            f"The twin does not explain {where}: chi2 per sample is {worst:.3g}. Check load, "
             "damping, sensors and noise. Where there may be damage from the beginning, use 'gossamer twin'."
         )
         return [doubt] * (not self.explained)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 MOST_DIGITS = 9  # behind the point
+SMALL = 1e-3  # values below it that are known to its square have a power of ten in common with their deviation
 
 
 def counted(number: int, thing: str) -> str:
@@ -43,11 +44,15 @@ def uncertain(value: float, deviation: float, unit: str = "") -> str:
     Returns
     -------
     str
-        For instance ``0.767098 ± 0.000003 s``; with a deviation of 0 the value alone, in six digits.
+        For instance ``0.767098 ± 0.000003 s``; with a deviation of 0 the value alone, in six digits. Small
+        ones have a power of ten in common: ``(-16.7 ± 0.4)e-6``.
     """
     after = f" {unit}" if unit else ""
     if not math.isfinite(deviation):
         return f"{value:.6g} ± unknown{after}"
+    if abs(value) < SMALL and 0.0 < deviation < SMALL**2:
+        power = -3 * math.floor(math.log10(max(abs(value), deviation)) / 3.0)
+        return f"({uncertain(value * 10.0**power, deviation * 10.0**power)})e-{power}{after}"
     if deviation < 10.0**-MOST_DIGITS:
         return f"{value:.6g}{f' ± {deviation:.1g}' if deviation else ''}{after}"
     digits = -math.floor(math.log10(deviation / 2.0))  # one digit of a deviation, two where the first is 1

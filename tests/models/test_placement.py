@@ -2,9 +2,11 @@
 
 import tomllib
 from dataclasses import asdict, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from gossamer.descriptions import load_structure
 from gossamer_models import ParameterError, membrane
 from gossamer_models.membrane.gauges import gauge, stacked
 from gossamer_models.placement import NOISE, place_sensors, save_picture, sensors_text, write_csv
@@ -12,9 +14,11 @@ from gossamer_models.placement.candidates import ANGLES, candidates
 from gossamer_models.placement.information import THRESHOLD, choose, deviations, information, smallest_damage, weakest
 from gossamer_models.placement.placing import _unseen
 from gossamer_models.twin import MembraneForward
-from gossamer_models.twin.nuisances import OFFSET
+from gossamer_models.twin.nuisances import OFFSET, Nuisances
+from gossamer_models.twin.problem import DamageUnknowns
 from scipy.stats import norm
 
+SHIPPED = Path(__file__).parents[2] / "orchestrator" / "membranes"
 ELEMENTS, ORDER, STEP, STOP = 4, 1, 3e-4, 0.15
 LOAD = {
     name: asdict(membrane.MembraneParams())[name] for name in ("pressure_amplitude", "pressure_frequency", "pressure_phase")
@@ -166,6 +170,27 @@ def test_what_makes_no_sense_is_refused(square):
         place_sensors(square, {"wind": 1.0})
     with pytest.raises(ParameterError, match=r"choose 1 to 3 sensors among 3 candidates, not 4"):
         choose(np.tile(np.eye(2), (3, 1, 1)), 2, 4)
+
+
+def test_a_response_that_bends_is_smooth_and_a_slack_film_that_flaps_is_not():
+    """The square swings for 0.3 s: there differences by two steps differ by 15 %, as they should."""
+    pytest.importorskip("ziglang", reason="the simulations need the compiler for their speed")
+    sail = load_structure(SHIPPED / "sail.toml")
+    slack = {"pressure_amplitude": 0.1, "pressure_frequency": 0.5}
+    square, sail = (
+        DamageUnknowns(MembraneForward(structure, load), Nuisances((), {}, {}, structure.n_sensors))
+        for structure, load in ((membrane.square_structure(), LOAD), (sail, slack))
+    )
+    assert square.roughness(1000, 3e-4) < 0.1
+    assert sail.roughness(100, 0.05) > 0.5
+
+
+def test_records_last_some_periods_of_the_structure_by_default():
+    placing = place_sensors(drum := load_structure(SHIPPED / "drum.toml"), {}, 2, points=2, noise=1e-4)
+    period = membrane.first_period(drum)
+    assert placing.samples * placing.step == pytest.approx(6.0 * period, rel=0.05)
+    assert placing.step == pytest.approx(period / 150.0, rel=0.05)
+    assert placing.own.a90.max() < 0.2
 
 
 def test_a_membrane_at_rest_tells_nothing(square):

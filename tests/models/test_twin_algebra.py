@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from gossamer_models import ArtifactError, DataError
 from gossamer_models.twin.discrepancy import SPACING, Discrepancy, default_discrepancy, learn, spline_matrix
-from gossamer_models.twin.least_squares import Quadratic, bounded_minimum
+from gossamer_models.twin.least_squares import PRIOR_DEVIATION, Quadratic, bounded_minimum
 from gossamer_models.twin.problem import RecordWeights
-from gossamer_models.twin.zone_sets import THRESHOLD, Box, alternatives
+from gossamer_models.twin.zone_sets import ODDS, Box, alternatives
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
@@ -30,14 +30,35 @@ def test_a_damage_that_may_as_well_be_in_another_zone_is_that_uncertain():
     at = np.array([alone, 0.0])
     model = Quadratic(A=J.T @ J, g=J.T @ (y - J @ at), at=at)
     limits = Box(zones=np.array([True, True]), low=-at, high=0.95 - at)
-    both = np.exp(-(THRESHOLD - (m * t / noise) ** 2 / (1.0 + t**2)) / 2.0)
-    none = np.exp(-((m / noise) ** 2 / (1.0 + t**2) - THRESHOLD) / 2.0)
+    odds, prior = ODDS, PRIOR_DEVIATION  # the evidence of a set: odds, what is left of its prior, and how well it fits
+    A = J.T @ J
+    one = odds / np.sqrt(1.0 + prior**2 * A[0, 0])
+    two = odds**2 / np.sqrt(np.linalg.det(np.eye(2) + prior**2 * A))
+    both = two / one * np.exp((m * t / noise) ** 2 / (1.0 + t**2) / 2.0)
+    none = 1.0 / one * np.exp(-((m / noise) ** 2) / (1.0 + t**2) / 2.0)
     total = 2.0 + both + none
     found = alternatives(model, limits, np.array([True, False]))
     assert found.probability == pytest.approx([(1.0 + both) / total] * 2, abs=1e-12)
     moves = np.array([[0.0, 0.0], [-alone, alone], [m / 2.0 - alone, m / 2.0], [-alone, 0.0]])
     weights = np.array([1.0, 1.0, both, none]) / total
     np.testing.assert_allclose(found.spread, np.einsum("k,ki,kj->ij", weights, moves, moves), atol=1e-12)
+
+
+def test_a_set_that_was_fitted_by_itself_counts_as_it_was_found():
+    """Far from the answer the quadratic model expects 20 more of chi2 for the other zone; the fit found 4 less."""
+    limits = Box(zones=np.array([True, True]), low=np.array([-0.3, 0.0]), high=np.array([0.6, 0.9]))
+    model = Quadratic(A=np.array([[1e4, 9.8e3], [9.8e3, 1e4]]), g=np.zeros(2), at=np.array([0.3, 0.0]))
+    answer, other = np.array([True, False]), np.array([False, True])
+    model = Quadratic(A=model.A * 20.0 / (0.09 * 1e4 * (1.0 - 0.98**2)), g=model.g, at=model.at)
+    found = alternatives(model, limits, answer)
+    (rival,) = found.rivals(answer, limits)
+    assert (found.kept[rival] == other).all()
+    assert found.worth[rival] - found.worth.min() == pytest.approx(20.0)
+    again = alternatives(model, limits, answer, [(other, -4.0, np.array([-0.3, 0.2]))])
+    best, move = again.best
+    assert (best == other).all()
+    assert move == pytest.approx([-0.3, 0.2])
+    assert again.probability[1] > 0.8
 
 
 def test_splines_weigh_by_the_inverse_of_the_covariance():

@@ -28,7 +28,7 @@ from .setup import Setup
 from .surface import Integers, SurfaceMesh, sides_of
 from .zones import Zone, divide
 
-_FLAT = 1e-9  # J of an element below this share of its mean: no area
+_FLAT = 1e-9  # share of its mean, or of the size cubed, below which an element has no area, a surface no volume
 _EDGE = 0.2  # squared sine of a tilt [1] from which on the surface has an edge
 _CHORDS = 0.01  # of which more is remarked on
 _FAR = 1e-3  # how far a sensor may be from the surface, shares of its size
@@ -175,7 +175,8 @@ class Structure:
     @property
     def remarks(self) -> tuple[str, ...]:
         """What whoever builds it should know of its shape, in sentences."""
-        found = [] if self.volume is None else [f"The surface encloses {self.volume:.6g} m3."]
+        volume = self.volume or 0.0
+        found = [f"The surface encloses {volume:.6g} m3."] if abs(volume) > _FLAT * self.mesh.size**3 else []
         if self.chord_error > _CHORDS:
             found.append(
                 f"Its elements are flatter than the surface: about {100.0 * self.chord_error:.1f} % of a volume is lost. "

@@ -1,11 +1,14 @@
 """Where to put the sensors of a membrane: by the Fisher information of the damage of its zones."""
 
 from .check import MonteCarloCheck
-from .placing import NOISE, Placement, Placing, place_sensors, sensors_text, write_csv
+from .placing import GAUGE_NOISE, NOISE, STEP, STOP, Placement, Placing, place_sensors, sensors_text, write_csv
 from .plots import save_picture
 
 __all__ = [
+    "GAUGE_NOISE",
     "NOISE",
+    "STEP",
+    "STOP",
     "MonteCarloCheck",
     "Placement",
     "Placing",

@@ -26,13 +26,16 @@ from .check import MonteCarloCheck, check
 from .information import choose, deviations, information, smallest_damage, weakest
 
 NOISE = 0.02 / math.sqrt(12.0)  # of the thesis: uniform from 0 to 0.02 of strain
-STEP, STOP = 3e-4, 0.3  # [s], as the twin compares them
+GAUGE_NOISE = 1e-4  # of strain, where a structure is not the thesis'
+STEP = 3e-4  # [s] of the square, as the twin compares its records
+STOP = 0.3  # [s]
+PERIODS, PER_PERIOD, CYCLES = 6.0, 150.0, 2.0  # of a record: longest periods, samples in each, periods of the load
 STILL = 1e-12  # change of strain [1] that is none
 UNKNOWN = ("amplitude", "damping")  # beside damage and offsets, where they are not zero
 COUNTS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)  # of sensors, of which the curve is made
 TRIED = 3  # first candidates of each of them
 TARGET = 0.02  # deviation [1] of the worst zone that a count is looked for with
-ROUGH = 0.1  # differences at two steps that disagree by more mean nothing
+ROUGH = 0.2  # a response that is further from a parabola in the damage is not smooth
 COMMON = 0.3  # smallest part over the largest of a damage that all zones share
 PART = 0.5  # of the largest: zones that make up a combination
 Report: TypeAlias = Callable[[str, int, int], None]  # what is done, how many of how many; 0 of 0 where it is one piece
@@ -78,6 +81,8 @@ class Placing:
         How many gauges there were to choose from.
     noise : float
         Standard deviation [1] of each sample.
+    samples, step : int, float
+        Of a record, and the time between them [s].
     simulations : int
         Cases that were simulated.
     curve : tuple of tuple
@@ -91,6 +96,8 @@ class Placing:
     chosen: Placement
     candidates: int
     noise: float
+    samples: int
+    step: float
     simulations: int
     curve: tuple[tuple[int, float], ...] = ()
     unseen: tuple[str, ...] = ()
@@ -104,8 +111,8 @@ def place_sensors(
     target: float = TARGET,
     noise: float = NOISE,
     points: int = 64,
-    step: float = STEP,
-    stop: float = STOP,
+    step: float | None = None,
+    stop: float | None = None,
     gauge_length: float = 0.0,
     records: int = 0,
     report: Report = lambda *_: None,
@@ -126,8 +133,9 @@ def place_sensors(
         Standard deviation [1] of the white noise of each sample.
     points : int
         Most points among the candidates, four directions at each.
-    step, stop : float
-        Time between samples, and length of a record from the moment that the load sets in [s].
+    step, stop : float or None
+        Time between samples, and length of a record from the moment that the load sets in [s]; by default a 150th of the
+        longest period, and six of them, or two periods of the load if they are longer.
     gauge_length : float
         Of the candidates [m].
     records : int
@@ -150,11 +158,16 @@ def place_sensors(
     -----
     All is linear about the undamaged membrane. The model is taken to be exact: what a finer mesh would add is left out.
     """
-    samples = _samples(noise, step, stop)
     report("laying out the candidates", 0, 0)
     every = candidates(structure, points, gauge_length, own=True)
     forward = MembraneForward(structure, load, every)
     known, zones = forward.parameters, len(forward.zones)
+    if stop is None:
+        f = known["pressure_frequency"] if known["pressure_amplitude"] > 0.0 else 0.0
+        stop = float(f"{max(PERIODS * forward.period, CYCLES / f if f else 0.0):.2g}")
+    if step is None:
+        step = float(f"{forward.period / PER_PERIOD:.2g}")
+    samples = _samples(noise, step, stop)
     unknown = tuple(name for name in UNKNOWN if known[FACTORS[name][0]] > 0.0)
     nuisances = Nuisances(unknown, known, forward.inputs, forward.sensors)
     problem, simulations = DamageUnknowns(forward, nuisances), 1 + zones + len(unknown)
@@ -170,9 +183,9 @@ def place_sensors(
     report("checking that the response is smooth", 0, 0)
     if (rough := problem.roughness(samples, step)) > ROUGH:
         msg = (
-            f"the response to damage is not smooth: differences at two steps disagree by {100.0 * rough:.2g} %, as of a "
-            "slack film that flaps, so histories tell nothing of damage. Pull it taut, damp it, or record load states "
-            "at rest."
+            f"the response to damage is not smooth: differences by three steps are {100.0 * rough:.2g} % off a parabola, "
+            "as of a slack film that flaps, so histories tell nothing of damage. Pull it taut, damp it, or record load "
+            "states at rest."
         )
         raise ParameterError(msg)
     report("choosing sensors", 0, 0)
@@ -200,6 +213,8 @@ def place_sensors(
         chosen=placement(kept, "chosen"),
         candidates=len(every.sensors),
         noise=noise,
+        samples=samples,
+        step=step,
         simulations=simulations,
         curve=tuple(curve),
         unseen=tuple(_unseen(structure, I, kept, every.sensors)),

@@ -25,7 +25,8 @@ def without_nuisances(A: Matrix, zones: int) -> Matrix:
     if len(A) == zones:
         return A
     beside = np.linalg.pinv(A[zones:, zones:], hermitian=True)
-    return np.asarray(A[:zones, :zones] - A[:zones, zones:] @ beside @ A[zones:, :zones])
+    e, V = np.linalg.eigh(A[:zones, :zones] - A[:zones, zones:] @ beside @ A[zones:, :zones])
+    return np.asarray(V * np.maximum(e, 0.0) @ V.T)  # round-off leaves negative ones
 
 
 def alike(A: Matrix) -> NDArray[np.int64]:

@@ -6,8 +6,7 @@ Symbols: ``x`` unknowns, first the damages [1], then the nuisances in units of t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from copy import copy
+from collections.abc import Callable
 from threading import Lock
 from typing import TypeAlias
 
@@ -24,8 +23,6 @@ from .simulation import SensedForward
 
 NEGLIGIBLE = 1e-9  # of the largest eigenvalue: directions that gaps leave without values; of the noise's variance
 ROUNDED = 1e-14  # of the largest eigenvalue: what round-off leaves of it
-NEAR = 0.03  # of damage, by which columns hardly change
-BENT = 0.5  # of a column, at most, by which it changes where its nuisance moves by the prior's deviation
 NUISANCE_STEP = 1e-4  # in units of the prior's deviation
 SMALL_STEP = 2e-5  # of damage: errors of differences would tell modulus, density, loads and equal damage apart
 Report: TypeAlias = Callable[[int, int], None]  # how many simulations of how many
@@ -85,8 +82,6 @@ class DamageUnknowns:
         Unknowns beside the damages, and the loads.
     groups : ndarray of int, shape (all zones,), or None
         Which unknown each zone's damage is, from 0; None for one each.
-    linear : sequence of str
-        Kinds of nuisances that are not among the unknowns: they stay at ``z0``.
 
     Attributes
     ----------
@@ -94,38 +89,23 @@ class DamageUnknowns:
         Damages among the unknowns.
     size : int
         Number of unknowns.
-    fitted, linear : ndarray of int
-        Nuisances that are among the unknowns, and that are not, as indices.
-    z0 : ndarray, shape (number of nuisances,)
-        Where the linear ones stay, in units of their priors; 0 for the others.
     """
 
-    def __init__(
-        self,
-        forward: Forward,
-        nuisances: Nuisances,
-        groups: NDArray[np.int64] | None = None,
-        linear: Sequence[str] = (),
-    ) -> None:
+    def __init__(self, forward: Forward, nuisances: Nuisances, groups: NDArray[np.int64] | None = None) -> None:
         self.model, self.nuisances = forward, nuisances
         self.groups = np.arange(len(forward.zones)) if groups is None else groups
-        self.linear_kinds = tuple(linear)
-        beside = np.array([name.partition("[")[0] in linear for name in nuisances.names], dtype=bool)
-        self.fitted, self.linear, self.z0 = np.flatnonzero(~beside), np.flatnonzero(beside), np.zeros(beside.size)
         self.zones = int(self.groups.max()) + 1
-        self.size = self.zones + self.fitted.size
-        self.simulated = self.zones + int(np.searchsorted(self.fitted, len(nuisances.simulated)))
-        ones = np.ones(self.fitted.size)
+        ones = np.ones(len(nuisances.names))
+        self.size = self.zones + ones.size
+        self.simulated = self.zones + len(nuisances.simulated)
         self.prior = np.r_[np.zeros(self.zones), ones]
         self.low = np.r_[np.zeros(self.zones), -BEYOND * ones]
         self.high = np.r_[np.full(self.zones, MOST_DAMAGE), BEYOND * ones]
         self.steps = np.r_[np.full(self.zones, DAMAGE_STEP), NUISANCE_STEP * ones]
 
     def z(self, x: Matrix) -> Matrix:
-        """Return all nuisances of rows of unknowns, in units of their priors, shape (m, number of nuisances)."""
-        found = np.tile(self.z0, (len(x), 1))
-        found[:, self.fitted] = x[:, self.zones :]
-        return found
+        """Return the nuisances of rows of unknowns, in units of their priors, shape (m, number of nuisances)."""
+        return x[:, self.zones :]
 
     def damage(self, x: Matrix) -> Matrix:
         """Return the damage of all zones [1] of rows of unknowns, shape (m, all zones)."""
@@ -157,7 +137,9 @@ class DamageUnknowns:
         return y[0], (y[1:] - y[0]) / steps[:, None, None]
 
     def roughness(self, samples: int, h: float) -> float:
-        """Return how much differences of the strain by two steps of damage differ [1]: next to nothing if it is smooth.
+        """Return how far differences of the strain by three steps of damage are from a parabola [1].
+
+        Next to nothing if the response is smooth, however much it bends; more than 1 where a slack film flaps.
 
         Raises
         ------
@@ -166,10 +148,11 @@ class DamageUnknowns:
         """
         along = np.zeros(self.size)
         along[: self.zones] = np.random.default_rng(0).uniform(0.5, 1.0, self.zones)
-        steps = DAMAGE_STEP * np.array([0.1, 1.0])
+        steps = DAMAGE_STEP * np.array([0.25, 0.5, 1.0])
         y = require_finite(self.histories(np.vstack([0.0 * along, steps[:, None] * along]), samples, h))
-        short, long = (y[1:] - y[0]) / steps[:, None, None]
-        return float(np.linalg.norm(short - long)) / max(float(np.linalg.norm(long)), 1e-300)
+        short, middle, long = (y[1:] - y[0]) / steps[:, None, None]
+        bent = (long - middle) / 2.0 - (middle - short)
+        return float(np.linalg.norm(bent)) / max(float(np.linalg.norm(long)), 1e-300)
 
 
 class RecordProblem(DamageUnknowns, LeastSquares):
@@ -189,18 +172,10 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         Model error that is learned on splines; nothing faster is compared then.
     groups : ndarray of int, shape (zones,), or None
         Which unknown each zone's damage is, from 0; None for one each.
-    linear : sequence of str
-        Kinds of nuisances that enter linearly.
     error : ndarray, shape (k, s, n or more), or None
         Components of an error of the model, strain [1] at the samples, or in the states of a static record.
     report : callable, optional
         Called before each group of simulations with the length of the record [s] and the simulations that were made.
-
-    Notes
-    -----
-    With the columns C, derivatives of the readings by the linear nuisances at the damages d and the nuisances
-    :math:`z_0`, the readings are :math:`y = f(d, z_0) + C (z - z_0) + e`; z has a standard normal distribution. They are
-    marginalised: :math:`y + C z_0` has the mean f and the covariance :math:`C C^T` beside that of e.
     """
 
     def __init__(
@@ -211,11 +186,10 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         noise: Vector,
         discrepancy: Discrepancy | None,
         groups: NDArray[np.int64] | None = None,
-        linear: Sequence[str] = (),
         error: Matrix | None = None,
         report: Callable[[float, int], None] = lambda *_: None,
     ) -> None:
-        super().__init__(sensed.forward, nuisances, groups, linear)
+        super().__init__(sensed.forward, nuisances, groups)
         self.steps[: self.zones] = SMALL_STEP
         self.sensed, self.record, self.noise, self._discrepancy = sensed, record, noise, discrepancy
         self._zero, self._scale = sensed.scale(record.kind)
@@ -223,44 +197,15 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         if discrepancy is not None:
             error = discrepancy.basis(record.samples, record.step)
         self._error = np.zeros((0, *record.values.shape)) if error is None else self._as_read(error)
-        self._linearise(np.zeros(self.size))
+        splines = None if discrepancy is None else spline_matrix(record.samples, record.step, discrepancy.length)
+        self._weights = RecordWeights(record.present, noise, self._error, splines)
+        self.values = self._weights.values
+        self.y = self._weights.weigh(np.where(record.present, record.values, 0.0)[None])[0]
 
     @property
     def simulations(self) -> int:
-        """How many cases were simulated, for this problem and those that were made of it."""
+        """How many cases were simulated, for this problem."""
         return self._simulations[0]
-
-    def linear_values(self, point: Point) -> Vector:
-        """Return the means of the linear nuisances at a point, in units of their priors."""
-        return np.asarray(self.columns @ point.r)
-
-    def likeliest(self, point: Point) -> Vector:
-        """Return all nuisances at a point, in units of their priors, the linear ones where they are likeliest."""
-        z: Vector = self.z(point.x[None])[0]
-        z[self.linear] = np.clip(self.linear_values(point), -BEYOND, BEYOND)
-        return z
-
-    def linear_deviations(self, J: Matrix, covariance: Matrix) -> Vector:
-        """Return the deviations of the linear nuisances, from the derivatives by unknowns and the covariance of those."""
-        moved = self.columns @ J
-        alone = np.maximum(1.0 - np.sum(self.columns**2, axis=1), 0.0)  # round-off
-        return np.asarray(np.sqrt(alone + np.einsum("ki,ij,kj->k", moved, covariance, moved)))
-
-    def stale(self, x: Vector, z: Vector) -> bool:
-        """Tell whether unknowns x and linear nuisances z are far from where the nuisances were linearised."""
-        move = z - self.z0[self.linear]
-        bent = BENT * np.abs(move).max(initial=0.0) * np.linalg.norm(move @ self.columns) > 1.0
-        return bool(self.linear.size) and bool(bent or np.abs(x - self._at)[: self.zones].max() > NEAR)
-
-    def renewed(self, x: Vector, z: Vector) -> RecordProblem:
-        """Return the problem with the nuisances linearised about unknowns x and linear nuisances z."""
-        if not self.linear.size:
-            return self
-        found = copy(self)
-        found.z0 = self.z0.copy()
-        found.z0[self.linear] = np.clip(z, -BEYOND, BEYOND)
-        found._linearise(x)
-        return found
 
     def predict(self, x: Matrix) -> Matrix:
         """Return strain or resistance without gain, offset and delay, shape (m, s, n or more)."""
@@ -287,35 +232,7 @@ class RecordProblem(DamageUnknowns, LeastSquares):
 
     def reading(self, point: Point) -> Matrix:
         """Return what the sensors read at a point, shape (s, n), in the unit of the record."""
-        move = self.linear_values(point) - self.z0[self.linear]
-        read = self._read(point.predicted[None], self.z(point.x[None]))[0]
-        return np.asarray(read + np.tensordot(move, self._columns, axes=1))
-
-    def _linearise(self, x: Vector) -> None:
-        """Find what the linear nuisances change of the readings about unknowns, and weigh the record with that."""
-        self._at = x
-        z = np.tile(self.z(x[None]), (1 + self.linear.size, 1))
-        z[np.arange(1, len(z)), self.linear] += NUISANCE_STEP
-        again = 1 + int(np.searchsorted(self.linear, len(self.nuisances.simulated)))
-        damage = np.repeat(self.damage(x[None]), again, axis=0)
-        if self.linear.size:
-            found = require_finite(self._predict(damage, z[:again]))
-            read = self._read(np.concatenate([found, np.repeat(found[:1], len(z) - again, axis=0)]), z)
-            self._columns = (read[1:] - read[0]) / NUISANCE_STEP
-        else:
-            self._columns = np.zeros((0, *self.record.values.shape))
-        self._weigh_anew()
-
-    def _weigh_anew(self) -> None:
-        record, splines = self.record, None
-        if self._discrepancy is not None:
-            splines = spline_matrix(record.samples, record.step, self._discrepancy.length)
-        components = np.concatenate([self._columns, self._error])
-        self._weights = RecordWeights(record.present, self.noise, components, splines)
-        self.values = self._weights.values
-        self.columns = self._weights.weigh(self._columns)
-        known = np.where(record.present, record.values, 0.0)[None]
-        self.y = self._weights.weigh(known)[0] + self.z0[self.linear] @ self.columns
+        return np.asarray(self._read(point.predicted[None], self.z(point.x[None]))[0])
 
     def _as_read(self, error: Matrix) -> Matrix:
         """Return components of an error of strain in the unit of the record, at its samples."""
@@ -325,7 +242,7 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         error = error[:, :, : record.samples]
         if record.kind == "strain":
             return error
-        nothing = np.zeros((1, len(self.groups))), np.zeros((1, self.z0.size))
+        nothing = np.zeros((1, len(self.groups))), np.zeros((1, self.size - self.zones))
         strain = self._strain(*nothing)[:, :, : record.samples]
         both = self.sensed.resistance(np.concatenate([strain, strain + error]), record.step)
         return both[1:] - both[:1]

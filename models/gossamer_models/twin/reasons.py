@@ -30,7 +30,7 @@ def likely_reason(fit: Fit, wider: RecordProblem) -> str | None:
     The quadratic model of chi2 at the fit tells which of them promise most; these are fitted.
     """
     zones, names = wider.zones, wider.nuisances.names
-    fitted = dict(zip(fit.problem.nuisances.names, fit.problem.likeliest(fit.point).tolist(), strict=True))
+    fitted = dict(zip(fit.problem.nuisances.names, fit.point.x[zones:].tolist(), strict=True))
     x = np.r_[fit.point.x[:zones], [fitted.get(name, 0.0) for name in names]]
     known = np.r_[np.ones(zones, dtype=bool), [name in fitted for name in names]]
     if known.all():

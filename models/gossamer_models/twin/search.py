@@ -8,19 +8,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
 from scipy.stats import chi2 as chi2_distribution
 
-from ..arrays import Matrix, Rows, Vector
+from ..arrays import Rows, Vector
 from ..errors import ConvergenceError
 from .forward import WORKERS
 from .least_squares import NEGLIGIBLE, Minimum, Point, Quadratic, change, descend
-from .nuisances import BEYOND, FACTORS, MODULUS
+from .nuisances import FACTORS, MODULUS
 from .problem import RecordProblem
-from .zone_sets import THRESHOLD, Box, alternatives, drop_zones
+from .zone_sets import THRESHOLD, Alternatives, Box, alternatives, drop_zones, price
 
 S = TypeVar("S")
 T = TypeVar("T")
@@ -35,7 +35,7 @@ FEW_SENSORS = 1.5  # zones for each: with more zones there may be several minima
 HOPELESS = 5.0  # deviations of chi2 above the expected one
 MOST_STEPS = 12  # of one descent
 FEW_STEPS = 2  # where it is hopeless
-ROUNDS = 3  # in which linear nuisances are linearised again
+RIVAL_STEPS = 4  # of the descent of another set of zones
 
 
 @dataclass(frozen=True)
@@ -50,20 +50,27 @@ class Fit:
         Smallest chi2 over the kept unknowns.
     model : Quadratic
         Quadratic model over all unknowns there.
-    J : ndarray, shape (values, n)
-        Derivatives there, or a negligible move before.
     kept : ndarray of bool, shape (n,)
         Unknowns that are not dropped.
     early_chi2 : float
         Smallest chi2 of the first stage; infinite without one.
+    rivals : tuple of tuple
+        Other sets of zones that were fitted: unknowns that are not dropped, chi2, and where it is smallest.
     """
 
     problem: RecordProblem
     point: Point
     model: Quadratic
-    J: Matrix
     kept: Rows
     early_chi2: float
+    rivals: tuple[tuple[Rows, float, Vector], ...] = ()
+
+    @property
+    def likely(self) -> Alternatives:
+        """Sets of zones that explain the record about as well."""
+        at, chi2 = self.point.x, self.point.chi2
+        known = [(kept, reached - chi2, x - at) for kept, reached, x in self.rivals]
+        return alternatives(self.model, box(self.problem, at), self.kept, known)
 
     @property
     def per_sample(self) -> float:
@@ -72,9 +79,8 @@ class Fit:
 
     @property
     def passes(self) -> bool:
-        """Whether chi2 per sample is below its bound, and no linear nuisance too far from its prior."""
-        far = np.abs(self.problem.linear_values(self.point)).max(initial=0.0)
-        return bool(self.per_sample <= chi2_bound(self.problem) and far <= BEYOND)
+        """Whether chi2 per sample is below its bound."""
+        return bool(self.per_sample <= chi2_bound(self.problem))
 
 
 def chi2_bound(problem: RecordProblem) -> float:
@@ -144,18 +150,16 @@ def search(
 
 @dataclass(frozen=True)
 class _Begun:
-    """Where the early stages have led: damages, all nuisances, smallest chi2, and whether no damage explains them."""
+    """Where the early stages have led: unknowns, smallest chi2 of the last one, and whether no damage explains them."""
 
-    damage: Vector
-    z: Vector
+    x: Vector
     reached: float
     hopeless: bool
 
 
 def _begun(stages: Sequence[RecordProblem], damage: Vector, *, one_valley: bool) -> _Begun | None:
     """Follow a start through the early stages; None if the simulation fails."""
-    whole, reached, hopeless = stages[-1], np.inf, False
-    x = _unknowns(stages[0], damage)
+    x, reached, hopeless = _unknowns(stages[-1], damage), np.inf, False
     try:
         for stage in stages[:-1]:
             most = FEW_STEPS if hopeless else MOST_STEPS
@@ -164,14 +168,13 @@ def _begun(stages: Sequence[RecordProblem], damage: Vector, *, one_valley: bool)
             hopeless |= one_valley and stage is stages[0] and misfit(stage, point) > HOPELESS
     except ConvergenceError:
         return None
-    z = stages[0].z(x[None])[0]  # early stages fit all nuisances
-    return _Begun(x[: whole.zones], z, reached, hopeless)
+    return _Begun(x, reached, hopeless)
 
 
 def _ended(whole: RecordProblem, begun: _Begun, *, sparse: bool) -> Fit | None:
     """Return the fit of the whole record from there, or None if the simulation fails."""
     try:
-        return _finish(whole, begun, sparse=sparse)
+        return _finish(whole, begun.x, begun.reached, sparse=sparse, hopeless=begun.hopeless)
     except ConvergenceError:
         return None
 
@@ -214,64 +217,25 @@ def _unknowns(problem: RecordProblem, damage: Vector) -> Vector:
     return np.concatenate([damage, np.zeros(problem.size - problem.zones)])
 
 
-def settle(
-    problem: RecordProblem, x: Vector, z: Vector, free: Rows, most: int = MOST_STEPS, enough: float = NEGLIGIBLE
-) -> tuple[RecordProblem, Minimum]:
-    """Search the smallest chi2 as ``descend`` does, until the linear nuisances stand near where they were linearised.
-
-    Parameters
-    ----------
-    problem : RecordProblem
-        What is fitted.
-    x, z : ndarray
-        Unknowns and linear nuisances to start from.
-    free, most, enough
-        As of ``descend``.
-
-    Returns
-    -------
-    RecordProblem
-        With the nuisances linearised anew, if they moved.
-    Minimum
-        Of it.
-    """
-    for _ in range(ROUNDS):
-        if problem.stale(x, z):
-            problem = problem.renewed(x, z)
-        found = descend(problem, x, free, most, enough)
-        x, z = found.point.x, problem.linear_values(found.point)
-        if most <= FEW_STEPS or not problem.stale(x, z):
-            break
-    return problem, found
-
-
-def _finish(whole: RecordProblem, begun: _Begun, *, sparse: bool) -> Fit:
+def _finish(whole: RecordProblem, x: Vector, early_chi2: float, *, sparse: bool, hopeless: bool) -> Fit:
     """Go on with the whole record, drop zones, and think again where they stand after that."""
-    most, changes = (FEW_STEPS, 1) if begun.hopeless else (MOST_STEPS, MOST_CHANGES)
+    most, changes = (FEW_STEPS, 1) if hopeless else (MOST_STEPS, MOST_CHANGES)
     free = np.ones(whole.size, dtype=bool)
-    x, z = np.r_[begun.damage, begun.z[whole.fitted]], begun.z[whole.linear]
-    whole, found = settle(whole, x, z, free, most, enough=ROUGH if sparse else NEGLIGIBLE)
+    found = descend(whole, x, free, most, enough=ROUGH if sparse else NEGLIGIBLE)
     if not sparse:
-        return Fit(whole, found.point, found.model, found.J, free, begun.reached)
+        return Fit(whole, found.point, found.model, free, early_chi2)
     model = found.model
-    if MODULUS in whole.nuisances.kinds:
-        x, z = _common_as_modulus(whole, found.point)
-        whole = whole.renewed(x, z)
-        (point,) = whole.points(x[None])
-        model = whole.about(point, free, whole.derivatives(point, free) if whole.linear.size else found.J)
+    if MODULUS in whole.nuisances.simulated:
+        model = whole.about(whole.points(_common_as_modulus(whole, found.point.x)[None])[0], free, found.J)
     kept, move = drop_zones(model, box(whole, model.at))
     x, best, worth = _moved(whole, model.at, move, kept), None, np.inf
-    z = whole.z0[whole.linear]
     for _ in range(changes):
-        whole, found = settle(whole, x, z, kept, most)
-        z = whole.linear_values(found.point)
+        found = descend(whole, x, kept, most)
         reached = found.point.chi2 + THRESHOLD * kept[: whole.zones].sum()
         if best is not None and reached >= worth:
             break
-        J = np.empty((whole.values, whole.size))
-        J[:, kept], J[:, ~kept] = found.J, whole.derivatives(found.point, ~kept)
-        full = whole.about(found.point, free, J)
-        best, worth = Fit(whole, found.point, full, J, kept, begun.reached), reached
+        full = _over_all(whole, found, kept)
+        best, worth = Fit(whole, found.point, full, kept, early_chi2), reached
         likely = alternatives(full, box(whole, full.at), drop_zones(full, box(whole, full.at))[0])
         other, move = likely.best
         promised = found.point.chi2 + change(full.A, full.g, move) + THRESHOLD * other[: whole.zones].sum()
@@ -279,24 +243,50 @@ def _finish(whole: RecordProblem, begun: _Begun, *, sparse: bool) -> Fit:
             break
         kept, x = other, _moved(whole, full.at, move, other)
     assert best is not None
-    return best
+    return _with_rivals(best) if best.passes else best
 
 
-def _common_as_modulus(problem: RecordProblem, point: Point) -> tuple[Vector, Vector]:
-    """Return unknowns and linear nuisances that make the same membrane, but for clipping, with damages about zero.
+def _over_all(problem: RecordProblem, found: Minimum, kept: Rows) -> Quadratic:
+    """Return the quadratic model over all unknowns, at a minimum over the kept ones."""
+    J = np.empty((problem.values, problem.size))
+    J[:, kept], J[:, ~kept] = found.J, problem.derivatives(found.point, ~kept)
+    return problem.about(found.point, np.ones(problem.size, dtype=bool), J)
 
-    Damage and modulus enter as E (1 - d) alone, so that what half of the zones have in common may be the modulus. Modulus,
-    density and loads that are larger by the same factor make the same strain, so that the likeliest factor is taken.
+
+def _with_rivals(fit: Fit) -> Fit:
+    """Fit the sets of zones that may be as good by themselves; return the best fit, with the others as its rivals.
+
+    Where another zone takes the place of one, damages move far, and the quadratic model of chi2 is wrong by some tens.
     """
-    zones, names = problem.zones, [name.partition("[")[0] for name in problem.nuisances.simulated]
-    x, z, common = point.x.copy(), problem.likeliest(point), float(np.median(point.x[:zones]))
-    x[:zones] = 1.0 - (1.0 - x[:zones]) / (1.0 - common)
-    z[names.index(MODULUS)] += math.log(1.0 - common) / FACTORS[MODULUS][1]
-    together = [k for k, name in enumerate(names) if name in (MODULUS, "density", "amplitude")]
-    per_log = 1.0 / np.array([FACTORS[names[k]][1] for k in together])
-    z[together] -= per_log * (z[together] @ per_log) / (per_log @ per_log)
-    x[zones:] = z[problem.fitted]
-    return np.clip(x, problem.low, problem.high), np.clip(z[problem.linear], -BEYOND, BEYOND)
+    whole, likely = fit.problem, fit.likely
+    limits, ends = box(whole, fit.point.x), [(fit.kept, fit.point.chi2, fit.point.x)]
+    for k in likely.rivals(fit.kept, limits):
+        x = _moved(whole, fit.point.x, likely.move[k], likely.kept[k])
+        try:
+            point = descend(whole, x, likely.kept[k], RIVAL_STEPS, enough=ROUGH).point
+        except ConvergenceError:  # no reason to lose the fit
+            continue
+        ends.append((likely.kept[k], point.chi2, point.x))
+    worth = [chi2 + price(fit.model, limits, kept) for kept, chi2, _ in ends]
+    best = int(np.argmin(worth))
+    rivals = tuple(each for k, each in enumerate(ends) if k != best)
+    if best == 0:
+        return replace(fit, rivals=rivals)
+    kept, _, x = ends[best]
+    found = descend(whole, x, kept)
+    return replace(fit, point=found.point, model=_over_all(whole, found, kept), kept=kept, rivals=rivals)
+
+
+def _common_as_modulus(problem: RecordProblem, x: Vector) -> Vector:
+    """Return unknowns that make the same membrane, but for clipping, and whose damages lie about zero.
+
+    Damage and modulus enter as E (1 - d) alone, so that what half of the zones have in common may be the modulus.
+    """
+    zones = problem.zones
+    found, common = x.copy(), float(np.median(x[:zones]))
+    found[:zones] = 1.0 - (1.0 - x[:zones]) / (1.0 - common)
+    found[zones + problem.nuisances.simulated.index(MODULUS)] += math.log(1.0 - common) / FACTORS[MODULUS][1]
+    return np.clip(found, problem.low, problem.high)
 
 
 def _moved(problem: RecordProblem, x: Vector, move: Vector, kept: Rows) -> Vector:

@@ -20,19 +20,20 @@ from .answer import Answer
 from .discrepancy import Discrepancy, default_discrepancy, is_learned
 from .forward import Forward, forward_of
 from .groups import UNRESOLVED, alike, untold, without_nuisances
-from .least_squares import MOST_DAMAGE, PRIOR_DEVIATION
+from .least_squares import MOST_DAMAGE, PRIOR_DEVIATION, descend
 from .mesh_error import MeshErrors
-from .nuisances import BY_DEFAULT, FACTORS, KNOTS, MODULUS, OF_MOTION, Loads, Nuisances, check_names, possible
+from .nuisances import BY_DEFAULT, FACTORS, KNOTS, OF_MOTION, Loads, Nuisances, check_names, possible
 from .problem import DamageUnknowns, RecordProblem
 from .reasons import likely_reason
 from .record import LEAST_SAMPLES, ResponseRecord, StaticRecord, Wiring, best_wiring, dead_sensors, other_wirings
-from .search import HOPELESS, ROUGH, Fit, box, chi2_bound, misfit, search, settle
+from .search import HOPELESS, ROUGH, Fit, box, chi2_bound, misfit, search
 from .simulation import SensedForward
 from .zone_sets import alternatives, drop_zones
 
 EARLY = (0.6, 2.0)  # first periods of the first stages: early, chi2 has one valley; over two periods it has several
 VALLEY = 0.7  # first periods over which chi2 has one valley, at most
 MOST_STEPS = 5000  # internal steps that are compared, unless the record is said to be compared whole
+UNLIKELY = 1e-4  # sets of zones whose covariance does not count
 
 
 class Twin:
@@ -49,15 +50,14 @@ class Twin:
     sensor_parameters : mapping of str to float or array_like of shape (sensors,)
         Parameters of the sensors that differ from their start values; they rest at the strain of the undamaged structure.
     nuisances : sequence of str
-        What else is fitted, with a normal prior: ``offset`` and ``gain`` of each sensor (deviation 0.02 of strain, or of the
-        change of resistance at full scale; 2 %), the ``clock`` (5 samples late), ``amplitude`` of every load that changes
-        (10 %), ``frequency`` (5 %) and ``phase`` (0.1 rad) of the built-in one, ``damping`` (a factor of 2), Young's
-        ``modulus`` (2 %; only if ``sparse``), ``density`` and ``prestrain`` (5 %), and a load by its name, for instance
-        ``pressure`` (any, a spline in time that is added).
+        What is fitted beside the damages and what is fitted by default: ``phase`` of the built-in load (deviation of its
+        normal prior 0.1 rad), or a load by its name, for instance ``pressure`` (any, a spline in time that is added).
     known : sequence of str
-        Which of these, but for ``phase`` and loads by name, are known exactly. All others are allowed for: the record is
-        weighed by what they may change, to first order about their likeliest values, which the answer states. Beside a load
-        by its name only ``clock``, ``offset`` and ``gain`` are.
+        What of the following is known exactly. By default all are fitted, each with a normal prior: ``offset`` and ``gain``
+        of each sensor (deviation 0.02 of strain, or of the change of resistance at full scale; 2 %), the ``clock`` (5
+        samples late), ``amplitude`` of every load that changes (10 %), ``frequency`` (5 %) of the built-in one, ``damping``
+        (a factor of 2), Young's ``modulus`` (2 %), ``density`` and ``prestrain`` (5 %). Beside a load by its name only
+        ``clock``, ``offset`` and ``gain`` are.
     sparse : bool
         Whether zones are dropped while chi2 rises by less than 9 for each.
     discrepancy : Discrepancy, "learned" or None
@@ -73,7 +73,7 @@ class Twin:
     Raises
     ------
     ParameterError
-        There is no such nuisance or parameter; or ``modulus`` without ``sparse``.
+        There is no such nuisance or parameter.
 
     Notes
     -----
@@ -95,9 +95,6 @@ class Twin:
         mesh_error: MeshErrors | None = None,
         whole: bool = False,
     ) -> None:
-        if MODULUS in nuisances and not sparse:
-            msg = "Young's modulus and damage of all zones cannot be told apart. Fit it with sparse=True, or leave it out."
-            raise ParameterError(msg)
         self.nuisances, self.sparse, self._mesh_error, self._whole = tuple(nuisances), sparse, mesh_error, whole
         self.known = tuple(known)
         self._forward = forward_of(structure, parameters)
@@ -228,7 +225,7 @@ class Twin:
         """Refuse more unknowns than readings, and load states without an equilibrium."""
         compared = record.first(self._compared(record))
         readings = len(record.sensors) * compared.states
-        size = DamageUnknowns(self._forward, self._nuisances(self.nuisances, compared)).size
+        size = DamageUnknowns(self._forward, self._nuisances(self.nuisances, compared)).size  # priors tell the others
         if size > readings:
             msg = (
                 f"{size} unknowns, {self.zones} of them damages, cannot be told from {readings} readings under "
@@ -249,12 +246,13 @@ class Twin:
         spacing = KNOTS * model.period if set(kinds) & set(model.inputs) else math.inf
         return Nuisances(kinds, model.parameters, model.inputs, model.sensors, loads, record.step * record.samples, spacing)
 
-    def _linear(self, record: ResponseRecord) -> tuple[str, ...]:
-        """Return the nuisances that are allowed for, and not fitted."""
-        left_out = {*self.nuisances, *self.known, *(OF_MOTION if isinstance(record, StaticRecord) else ())}
-        left_out |= {*FACTORS} if {*self.nuisances} & {*self._forward.inputs} else set()  # any load explains any of them
+    def _kinds(self, record: ResponseRecord, *, wider: bool = False) -> tuple[str, ...]:
+        """Return the nuisances that are fitted; wider: all that there are."""
         given = possible(self._forward.parameters, Loads(record.start, record.inputs))
-        return tuple(name for name in given if name in BY_DEFAULT and name not in left_out)
+        left_out = {*self.known, *(OF_MOTION if isinstance(record, StaticRecord) else ())}
+        left_out |= {*FACTORS} if {*self.nuisances} & {*self._forward.inputs} else set()  # any load explains any of them
+        by_default = (name for name in given if wider or (name in BY_DEFAULT and name not in left_out))
+        return tuple(dict.fromkeys((*self.nuisances, *by_default)))
 
     def _stages(self, record: ResponseRecord, report: Callable[[float, int], None]) -> list[RecordProblem]:
         """Make the problems of longer and longer beginnings of a record."""
@@ -286,22 +284,18 @@ class Twin:
         samples: int | None = None,
         wider: bool = False,
     ) -> RecordProblem:
-        """Make the problem of what is compared of a record, or of its first samples with all nuisances among the unknowns.
+        """Make the problem of what is compared of a record, or of its first samples; its noise is that of all of it.
 
-        Its noise is that of all of it. Wider: with every nuisance that the structure has, among the unknowns.
+        Wider: with every nuisance that the structure has.
         """
-        compared, linear = record.first(self._compared(record)), self._linear(record)
-        more = possible(self._forward.parameters, Loads(record.start, record.inputs)) if wider else linear
-        nuisances = self._nuisances(tuple(dict.fromkeys((*self.nuisances, *more))), compared)
-        linear = () if wider or samples is not None else linear
+        compared = record.first(self._compared(record))
         return RecordProblem(
             self._sensed,
             compared if samples is None else compared.first(samples),
-            nuisances,
+            self._nuisances(self._kinds(compared, wider=wider), compared),
             record.noise_deviation(),
             self.discrepancy,
             groups,
-            linear,
             None if self._mesh_error is None else self._mesh_error.of(compared).components,
             report,
         )
@@ -316,8 +310,8 @@ class Twin:
         stages = self._stages(record, report)
         x, found = np.zeros(stages[0].size), np.inf
         for stage in stages[:-1] or stages:
-            settled, reached = settle(stage, x, stage.z0[stage.linear], np.ones(stage.size, dtype=bool), enough=ROUGH)
-            x, found = reached.point.x, misfit(settled, reached.point)
+            point = descend(stage, x, np.ones(stage.size, dtype=bool), enough=ROUGH).point
+            x, found = point.x, misfit(stage, point)
             if found > HOPELESS:
                 break
         return found
@@ -326,9 +320,10 @@ class Twin:
         problem, kept, zones, groups = fit.problem, fit.kept, fit.problem.zones, fit.problem.groups
         A, x = fit.model.A, fit.point.x
         limits = box(problem, x)
-        likely = alternatives(fit.model, limits, kept if self.sparse else drop_zones(fit.model, limits)[0])
+        likely = fit.likely if self.sparse else alternatives(fit.model, limits, drop_zones(fit.model, limits)[0])
         spread = likely.spread if self.sparse else np.zeros_like(A)
-        covariance = _covariance(A, kept) + spread
+        sets = zip(likely.weight, likely.kept, strict=True) if self.sparse else [(1.0, kept)]
+        covariance = spread + sum(weight * _covariance(A, some) for weight, some in sets if weight > UNLIKELY)
         deviation = np.sqrt(np.diag(covariance)).copy()
         for k in np.flatnonzero(~kept):
             alone = kept.copy()
@@ -343,10 +338,7 @@ class Twin:
                 f"the twin does not explain the record: chi2 per sample is {per_sample:.3g}, its bound {bound:.3g}. Check "
                 "load, damping, sensors and noise, or fit more nuisances"
             )
-        z, spread_of_z = problem.likeliest(fit.point), np.zeros(problem.z0.size)
-        spread_of_z[problem.fitted] = deviation[zones:]
-        spread_of_z[problem.linear] = problem.linear_deviations(fit.J, covariance)
-        doubts += problem.nuisances.far(z)
+        doubts += problem.nuisances.far(x[zones:])
         if self._mesh_error is not None and self.discrepancy is None:
             error = self._mesh_error.of(problem.record)
             doubts += self._mesh_error.doubts(error)
@@ -357,7 +349,7 @@ class Twin:
             deviation=deviation[:zones][groups],
             probability=likely.probability[:zones][groups],
             covariance=damages[np.ix_(groups, groups)],
-            nuisances=problem.nuisances.values(z, spread_of_z),
+            nuisances=problem.nuisances.values(x[zones:], deviation[zones:]),
             chi2_per_sample=per_sample,
             chi2_bound=bound,
             valid=valid,

@@ -32,6 +32,7 @@ LOAD, LOAD_DEVIATION, LOAD_STEP = "pressure_amplitude", 0.1, 0.01  # the load th
 PRECISE = 1e-3  # of a factor
 SHIFTS = (-14.0, -7.0, 7.0, 14.0)  # of the best onset [steps]
 ROUNDS = 4
+EXPLAINED = 2.0  # chi2 per sample up to which a finding explains the readings
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,6 +57,11 @@ class DamageOnset:
     damage: Vector
     deviation: Vector
     chi2_per_sample: float
+
+    @property
+    def valid(self) -> bool:
+        """Whether this damage explains the readings; else neither its zones nor its onset can be used."""
+        return self.chi2_per_sample <= EXPLAINED
 
 
 @dataclass(frozen=True, kw_only=True)

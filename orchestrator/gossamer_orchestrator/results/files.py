@@ -13,7 +13,7 @@ import csv
 import json
 import logging
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -204,3 +204,9 @@ def read_watch(folder: Path) -> dict[str, Any] | None:
     except (OSError, ValueError):
         return None
     return content if isinstance(content, dict) else None
+
+
+def is_explained(watched: Mapping[str, Any]) -> bool:
+    """Tell whether the twin explains the last window that it watched, and what followed each alarm."""
+    misfit = watched.get("misfit", [])
+    return bool(misfit) and misfit[-1] <= LARGE and not watched.get("withheld")

@@ -16,7 +16,7 @@ from ..names import split_endpoint
 from ..pages.page import Kind
 from ..words import counted, percent, uncertain
 from .dataset import find_all, origins_of, parameters_of, zone_label
-from .files import LARGE
+from .files import is_explained
 from .judgements import Judgement, doubts, recorded_detector
 from .readers import LEAST_RANGE, Reader, curve_of, readers_of
 from .tables import LEAST_SHOWN
@@ -95,8 +95,8 @@ def make_verdict(data: xr.Dataset, ended: Sequence[Judgement], watched: dict[str
 
 def _explained(watched: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
     """Return the last finding of the twin if it explains the record with it, else None."""
-    alarms, findings, misfit = ((watched or {}).get(name, []) for name in ("alarms", "findings", "misfit"))
-    explains = findings and len(findings) == len(alarms) and misfit and misfit[-1] <= LARGE
+    alarms, findings = ((watched or {}).get(name, []) for name in ("alarms", "findings"))
+    explains = watched and findings and len(findings) == len(alarms) and is_explained(watched)
     return dict(findings[-1]) if explains else None
 
 

@@ -243,11 +243,8 @@ def _read_file(fmu: str, path: Path, literal: Path, place: Location, problems: P
         return None
     if not path.is_file():
         near = suggest(path.stem, sorted(p.stem for p in path.parent.glob("*.fmu")))
-        more = (
-            ""
-            if fmu.endswith(".fmu")
-            else f" Build the FMUs with 'gossamer build' or name their folder with {option('fmus')}."
-        )
+        build = f"gossamer build {fmu}" if fmu in ("framed_membrane", "hub") else "gossamer build"  # which builds the others
+        more = "" if fmu.endswith(".fmu") else f" Build the FMUs with '{build}' or name their folder with {option('fmus')}."
         if fmu == "estimator":
             more += NO_ESTIMATOR
         problems.add(place, f"there is no FMU {fmu!r} in {path.parent}. {near}{more}")

@@ -165,7 +165,9 @@ def test_shipped_scenarios_are_found_by_name():
     assert find_scenario("damaged.toml").is_file()
 
 
-LONG = "run|validate|info|view|plot|export-vtk|new|twin|watch|campaign|train|assess sensor.json|identify|place-sensors"
+LONG = (
+    "run|validate|info|view|plot|export-vtk|new|twin|watch|campaign|train|assess sensor.json|identify|place-sensors --setup"
+)
 LONG += "|demo --out|assess-detector --artifact|build sensor --out|build membrane --setup|container"
 
 

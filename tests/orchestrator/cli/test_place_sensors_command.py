@@ -66,7 +66,7 @@ def call(*arguments):
 def test_a_setup_gets_sensors_that_it_can_take_over(setup, tmp_path):
     pytest.importorskip("ziglang", reason="the simulations need the compiler for their speed")
     setup.write_text(SETUP + SENSOR)
-    result = call(setup, *LOAD, "--count", 2, "--out", tmp_path / "out")
+    result = call("--setup", setup, *LOAD, "--count", 2, "--out", tmp_path / "out")
     assert result.exit_code == 0, result.output
     for name in ("placement.csv", "placement.png", "sensors.toml", "report.html"):
         assert str(tmp_path / "out" / name) in result.stdout.splitlines()
@@ -89,11 +89,11 @@ def test_a_setup_gets_sensors_that_it_can_take_over(setup, tmp_path):
     text = (tmp_path / "out" / "sensors.toml").read_text()
     assert len(tomllib.loads(text)["sensors"]) == 2
     setup.write_text(SETUP + "\n" + text)
-    again = call(setup, *LOAD, "--count", 2, "--out", tmp_path / "again", "--check", 1, "--json")
+    again = call("--setup", setup, *LOAD, "--count", 2, "--out", tmp_path / "again", "--check", 1, "--json")
     assert again.exit_code == 0, again.output
     content = json.loads(again.stdout)
     load = {"pressure_amplitude": 1000, "pressure_frequency": 8}
-    placed = gossamer.place_sensors(setup, set=load, stop=0.06, points=4, count=2, out=tmp_path / "python")
+    placed = gossamer.place_sensors(setup=setup, set=load, stop=0.06, points=4, count=2, out=tmp_path / "python")
     assert placed.data["a90"].sel(placement="own").to_numpy().tolist() == content["own"]["a90"]
     assert placed.data["name"].to_numpy().tolist() == ["left", "right"]
     assert placed.data["point"].attrs["units"] == "m"
@@ -116,7 +116,7 @@ def test_a_setup_gets_sensors_that_it_can_take_over(setup, tmp_path):
     ],
 )
 def test_a_mistake_is_one_sentence(setup, tmp_path, arguments, message):
-    result = call(setup, *arguments, "--out", tmp_path / "out")
+    result = call("--setup", setup, *arguments, "--out", tmp_path / "out")
     assert result.exit_code == 1
     assert message in result.stderr
     assert "Traceback" not in result.output
@@ -132,7 +132,7 @@ def test_a_mesh_needs_its_setup(tmp_path):
 def test_the_setup_is_not_overwritten(setup):
     kept = setup.with_name("sensors.toml")
     kept.write_text(SETUP)
-    result = call(kept, "--out", kept.parent)
+    result = call("--setup", kept, "--out", kept.parent)
     assert result.exit_code == 1
     assert "would overwrite" in result.stderr
     assert kept.read_text() == SETUP

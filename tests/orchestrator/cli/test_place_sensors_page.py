@@ -19,11 +19,13 @@ def found() -> Placing:
     structure = square_structure()
     sensors, a90 = structure.setup.sensors, np.linspace(0.1, 0.25, 16)
     own, chosen = (Placement(sensors=sensors, deviation=factor * a90 / FACTOR) for factor in (1.0, 0.5))
-    return Placing(structure=structure, own=own, chosen=chosen, candidates=9, noise=1e-3, simulations=5)
+    return Placing(
+        structure=structure, own=own, chosen=chosen, candidates=9, noise=1e-3, samples=100, step=3e-4, simulations=5
+    )
 
 
 def page_of(found):
-    return SensorPlacement(files=[], result=found, samples=100).describe()
+    return SensorPlacement(files=[], result=found).describe()
 
 
 def test_the_worst_zones_are_compared(found):
@@ -31,7 +33,7 @@ def test_the_worst_zones_are_compared(found):
     assert page.sentence == (
         "With 4 chosen sensors the worst zone has a90 = 12.5 % damage; with the membrane's own 4 it has 25 %."
     )
-    assert SensorPlacement(files=[], result=found, samples=100).tables()[0].rows[-1][2:] == ("25.00", "12.50")
+    assert SensorPlacement(files=[], result=found).tables()[0].rows[-1][2:] == ("25.00", "12.50")
     own, chosen = page.charts[2].traces
     assert own["y"] == pytest.approx(100.0 * np.linspace(0.1, 0.25, 16))
     assert chosen["y"] == pytest.approx(own["y"] / 2.0)

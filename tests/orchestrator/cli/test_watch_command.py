@@ -59,6 +59,16 @@ def test_an_alarm_is_printed_and_the_finding_written(record):
     assert finding["damage"] == pytest.approx(0.3 * np.eye(16)[5], abs=0.03)
 
 
+def test_what_no_new_damage_explains_has_an_alarm_and_no_zones(record, tmp_path):
+    """The twin is 2 % stiffer, so that the damages which it fits after an alarm mean little."""
+    result = invoke(["watch", str(record), *MESH, "--set", "youngs_modulus=1.02e7", "--out", str(tmp_path / "watch.json")])
+    assert result.exit_code == 3, result.output
+    assert "Zones are withheld." in result.stderr
+    found = json.loads((tmp_path / "watch.json").read_text(encoding="utf-8"))
+    assert found["alarms"]
+    assert found["findings"] == []
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

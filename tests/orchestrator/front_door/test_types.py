@@ -25,7 +25,7 @@ seen: gossamer.Watching = gossamer.watch(run, window=0.1)
 campaign: gossamer.Campaign = gossamer.campaign("training", workers=2)
 detector: gossamer.TrainedDetector = gossamer.train(campaign, kind="perceptron", epochs=3)
 judged_detector: gossamer.DetectorAssessment = gossamer.assess_detector(artifact=[detector, "wide"], twin=True)
-placed: gossamer.SensorPlacement = gossamer.place_sensors(Path("sail.toml"), set={"pressure_amplitude": 2.0})
+placed: gossamer.SensorPlacement = gossamer.place_sensors(setup=Path("sail.toml"), set={"pressure_amplitude": 2.0})
 unit: object = gossamer.info(fmus["sensor"], locals=True).variables["strain"]["unit"]
 files: list[Path] = [gossamer.container("damaged", fmi=3), *gossamer.plot(run, format="svg"), *gossamer.export_vtk(run)]
 """

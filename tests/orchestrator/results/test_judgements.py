@@ -207,6 +207,8 @@ def test_a_value_has_the_unit_and_the_digits_of_its_deviation():
     assert uncertain(0.767098, math.inf, "s") == "0.767098 ± unknown s"
     assert uncertain(2.0, 3e-12) == "2 ± 3e-12"
     assert uncertain(-0.0001, 0.02) == "0.00 ± 0.02"
+    assert uncertain(-1.67e-5, 4e-7) == "(-16.7 ± 0.4)e-6"
+    assert uncertain(9e-15, 7e-10, "ohm") == "(0 ± 700)e-12 ohm"
 
 
 def test_zones_of_a_setup_stand_by_their_names(data, tmp_path):
