@@ -21,6 +21,7 @@ from gossamer_models.membrane.square import stretch
 from gossamer_models.sensor import default_artifact
 from gossamer_models.step_model import StepModel
 from gossamer_models.twin import ResponseRecord, Twin
+from gossamer_models.twin.nuisances import BY_DEFAULT
 from gossamer_models.twin.simulation import SensorBank
 from numpy.typing import NDArray
 
@@ -31,7 +32,6 @@ Array = NDArray[np.float64]
 STEP, STEPS = 3e-4, 1000
 NOISE = 0.02  # of strain, uniform from 0 [1]
 RESISTANCE_NOISE = 1e-3  # of the change at full scale
-LOAD = ("offset", "gain", "amplitude", "frequency", "damping", "modulus")
 
 
 @dataclass(frozen=True)
@@ -103,12 +103,12 @@ ROWS = {
     "load": Row(
         "0.3 / 1.5",
         lambda d: strain(d, membrane(BILINEAR), load=True),
-        lambda: Twin(square_structure(*BILINEAR), nuisances=LOAD),
+        lambda: Twin(square_structure(*BILINEAR)),
     ),
     "resistance": Row(
         "0.03 / 0.1",
         lambda d: resistance(d, BILINEAR),
-        lambda: Twin(square_structure(*BILINEAR), sensor=default_artifact(), nuisances=()),
+        lambda: Twin(square_structure(*BILINEAR), sensor=default_artifact(), known=BY_DEFAULT),
         kind="resistance",
         noise=None,
     ),
@@ -119,7 +119,7 @@ ROWS = {
     "other sensor": Row(
         "",
         lambda d: flown_resistance(strain(d, membrane(DEFAULT), 0.0), STEP),
-        lambda: Twin(sensor=calibrated_sensor()[0], nuisances=(), discrepancy=None),
+        lambda: Twin(sensor=calibrated_sensor()[0], known=BY_DEFAULT, discrepancy=None),
         kind="resistance",
         noise=None,
     ),

@@ -131,7 +131,8 @@ class TwinAnswer(Saved):
 def twin(
     record: AnyPath,
     *,
-    fit: NamesWithCommas | None = None,
+    fit: NamesWithCommas = "none",
+    known: NamesWithCommas = "none",
     stop: float | None = None,
     sparse: bool = True,
     mesh_error: bool | None = None,
@@ -151,8 +152,10 @@ def twin(
     record
         Results of a run (results.nc, results.csv or their folder), or a CSV file.
     fit
-        What is unknown beside damage: offset, gain, amplitude, frequency, phase, damping, modulus, or a load by its name,
-        such as pressure; with commas between, or none. By default offset for strain and none for resistance.
+        What else is unknown: the phase of the built-in load, or a load by its name, such as pressure; with commas between.
+    known
+        What is known exactly of offset, gain, clock, amplitude, frequency, damping, modulus, density and prestrain; with
+        commas between, or all. What is not is fitted along with the damage, each near to what it should be.
     stop
         Use the record up to this time [s]; by default, of a long one as much as a fit of some minutes takes.
     sparse
@@ -180,13 +183,14 @@ def twin(
 
         gossamer run damaged && gossamer twin out/damaged/results.nc
 
-        gossamer twin measured.csv --fit offset,amplitude,frequency,damping --set pressure_amplitude=9500
+        gossamer twin measured.csv --known frequency,gain --set pressure_amplitude=9500
 
         gossamer twin states.csv --setup sail
     """
     from gossamer_files import replacing
     from gossamer_files.measured import header_of, of_a_run
     from gossamer_models.twin import MeshErrors, Twin
+    from gossamer_models.twin.nuisances import BY_DEFAULT
     from gossamer_orchestrator.results.files import TWIN
 
     from .pages.twin import twin_page
@@ -197,11 +201,9 @@ def twin(
     with console.status("reading"):
         found = find_record(source, options, stop)
     logger.info("%d samples of %s, %g s apart", found.record.samples, found.record.kind, found.record.step)
-    default = "none" if found.record.kind == "resistance" else "offset"
-    names = with_commas(default if fit is None else fit).split(",")
     with progress_bar("fitting") as bar:
         bar.update(text="compiling,")
-        known = found.twin(options["sensor"])
+        given = found.twin(options["sensor"])
         measured = source.suffix == ".csv" and not of_a_run(header_of(source))
         wanted = options["setup"] is not None and measured if mesh_error is None else mesh_error
         errors = None
@@ -212,9 +214,10 @@ def twin(
                 report=lambda what, done, total: bar.update(done, total, f"{done} of {total} {what},"),
             )
         fitting = Twin(
-            **known,
+            **given,
             mesh_error=errors,
-            nuisances=tuple(name.strip() for name in names if name.strip() != "none"),
+            nuisances=_names(fit),
+            known=BY_DEFAULT if known == "all" else _names(known),
             sparse=sparse,
             whole=stop is not None,
         )
@@ -232,6 +235,11 @@ def twin(
     compared = _compared(source, found.record, answer.record, stop)
     pages = save_page(lambda: twin_page(name_of(source), answer, compared, shown=shown), path.with_suffix(""))
     return TwinAnswer(files=[path, *pages], answer=answer, compared=compared, shown=shown)
+
+
+def _names(given: NamesWithCommas) -> tuple[str, ...]:
+    """Return names of a list with commas, or none."""
+    return tuple(name.strip() for name in with_commas(given).split(",") if name.strip() != "none")
 
 
 def _compared(path: Path, given: ResponseRecord, used: ResponseRecord, stop: float | None) -> str:

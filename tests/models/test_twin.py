@@ -277,8 +277,6 @@ def test_what_the_twin_cannot_fit_is_refused(forward, twin):
     record = ResponseRecord(step=STEP, values=strain(forward, TWO), kind="resistance")
     with pytest.raises(ParameterError, match="has no sensor"):
         Twin(SQUARE).fit(record)
-    with pytest.raises(ParameterError, match="sparse=True"):
-        Twin(SQUARE, nuisances=("modulus",), sparse=False)
     with pytest.raises(ParameterError, match="no nuisance 'colour'"):
         Twin(SQUARE, nuisances=("colour",))
     with pytest.raises(DataError, match="one row for each of 4 sensors"):

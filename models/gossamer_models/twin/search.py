@@ -18,7 +18,7 @@ from ..arrays import Rows, Vector
 from ..errors import ConvergenceError
 from .forward import WORKERS
 from .least_squares import NEGLIGIBLE, Minimum, Point, Quadratic, change, descend
-from .nuisances import FACTORS, MODULUS
+from .nuisances import BEYOND, FACTORS, MODULUS
 from .problem import RecordProblem
 from .zone_sets import THRESHOLD, Alternatives, Box, alternatives, drop_zones, price
 
@@ -79,8 +79,9 @@ class Fit:
 
     @property
     def passes(self) -> bool:
-        """Whether chi2 per sample is below its bound."""
-        return bool(self.per_sample <= chi2_bound(self.problem))
+        """Whether chi2 per sample is below its bound, and no nuisance as far from its prior as the search goes."""
+        far = np.abs(self.problem.z(self.point.x[None])).max(initial=0.0)
+        return bool(self.per_sample <= chi2_bound(self.problem) and far < BEYOND)
 
 
 def chi2_bound(problem: RecordProblem) -> float:

@@ -336,7 +336,7 @@ class Twin:
         if not fit.passes:
             doubts.append(
                 f"the twin does not explain the record: chi2 per sample is {per_sample:.3g}, its bound {bound:.3g}. Check "
-                "load, damping, sensors and noise, or fit more nuisances"
+                "load, damping, sensors and noise"
             )
         doubts += problem.nuisances.far(x[zones:])
         if self._mesh_error is not None and self.discrepancy is None:

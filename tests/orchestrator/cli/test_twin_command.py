@@ -239,7 +239,7 @@ def test_load_states_of_a_setup_give_damage_by_the_names_of_its_zones(call, stri
         rows += [f"{force:g} N,{1e3 * force:g},{strain[0]!r},{strain[1]!r}"] * 2
     table = tmp_path / "states.csv"
     table.write_text("\n".join(["state,pull [mN],strain[1],strain[2]", *rows]))
-    result = call(table, "--setup", strip, "--noise", "1e-5", "--fit", "none")
+    result = call(table, "--setup", strip, "--noise", "1e-5", "--known", "all")
     assert result.exit_code == 0, result.stderr
     answer = json.loads((tmp_path / "twin.json").read_text())
     assert answer["zones"] == ["near the hub", "far"]

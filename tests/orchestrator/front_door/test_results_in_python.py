@@ -197,7 +197,7 @@ def test_the_twin_gives_damage_by_zone(tmp_path):
     strain = MembraneForward(square_structure(4, 1)).strain(true[None], {}, {}, 300, step)[0]
     rows = [f"{step * (k + 1)!r}," + ",".join(map(repr, row)) for k, row in enumerate(strain.T.tolist())]
     (tmp_path / "strain.csv").write_text("\n".join(["time [s],strain[1],strain[2],strain[3],strain[4]", *rows]))
-    found = gossamer.twin(tmp_path / "strain.csv", fit="none", elements_per_side=4, order=1)
+    found = gossamer.twin(tmp_path / "strain.csv", known="all", elements_per_side=4, order=1)
     assert found.data["damage"].sel(zone=6).item() == pytest.approx(0.3, abs=1e-6)
     assert found.data["damage"].where((found.data["row"] == 2) & (found.data["column"] == 2), drop=True).zone == [6]
     assert json.loads(Path(found).read_text())["damage"] == found.data["damage"].to_numpy().tolist()

@@ -14,7 +14,7 @@ import gossamer
 fmus: dict[str, Path] = gossamer.build(["sensor"], scales=[1000.0, 150.0, 0.2])
 run: gossamer.Run = gossamer.run(Path("a.toml"), set={"membrane.damage[1]": 0.3}, stop=1.0)
 sentence: str = run.verdict.sentence
-damage: gossamer.TwinAnswer = gossamer.twin(run, fit=["offset", "gain"])
+damage: gossamer.TwinAnswer = gossamer.twin(run, known=["offset", "gain"])
 sensor = gossamer.identify(["a.csv", "b.csv"], tau=(3.0, 100.0), ridge="auto")
 judged: gossamer.Assessment = gossamer.assess(sensor, Path("c.csv"))
 swept: gossamer.Sweep = gossamer.sweep("damaged", set={"seed": range(3)})
