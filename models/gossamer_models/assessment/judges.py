@@ -205,7 +205,8 @@ class TwinJudge(Judge):
     @property
     def identity(self) -> str:
         """Settings of the twin, and digest of the program that it is part of."""
-        return f"{self.reads} {self.twin.nuisances} {self.twin.known} {self.twin.sparse} {self.twin.parameters} {_digest_of_twin()}"
+        of = self.twin
+        return f"{self.reads} {of.nuisances} {of.known} {of.sparse} {of.parameters} {_digest_of_twin()}"
 
     def __call__(self, histories: Matrix, step: float) -> Verdicts:
         """Fit every record; one that cannot be fitted is not valid."""
