@@ -121,8 +121,8 @@ def test_what_was_compared_of_a_longer_record_is_said():
 def test_an_answer_that_is_not_valid_is_written_and_its_page_says_so(call, tmp_path, strain):
     """The noise is estimated from the record."""
     noisy = strain[0] + np.random.default_rng(0).normal(0.0, 2e-3, strain[0].shape)
-    given = (table(tmp_path / "r.csv", noisy), *MESH, "--set", "mass_damping=10")
-    result = call(*given, "--known", "all")
+    given = (table(tmp_path / "r.csv", noisy), *MESH, "--set", "mass_damping=10", "--known", "all")
+    result = call(*given)
     assert result.exit_code == 3, result.output
     written = json.loads((tmp_path / "twin.json").read_text())
     assert (written["valid"], written["damage"]) == (False, None)
