@@ -16,7 +16,7 @@ import numpy as np
 from Basilisk.simulation import extForceTorque, spacecraft
 from Basilisk.utilities import SimulationBaseClass, macros
 from gossamer_orchestrator.hosts.basilisk import FramedMembrane
-from gossamer_orchestrator.hosts.debt import from_mrp
+from scipy.spatial.transform import Rotation
 
 STEP = 3e-4  # [s]
 STEPS = 844  # two periods of the membrane's load, the detector's window
@@ -57,7 +57,10 @@ class Flight:
 def totals(vehicle: spacecraft.Spacecraft, sail: FramedMembrane) -> tuple[np.ndarray, np.ndarray, float, float]:
     """Return momentum and angular momentum of spacecraft and membrane, and those of the membrane alone."""
     state, hub = vehicle.scStateOutMsg.read(), vehicle.hub
-    R, w, V, O = (from_mrp(np.array(state.sigma_BN)), *map(np.array, (state.omega_BN_B, state.v_BN_N, state.r_BN_N)))
+    R, w, V, O = (
+        Rotation.from_mrp(state.sigma_BN).as_matrix(),
+        *map(np.array, (state.omega_BN_B, state.v_BN_N, state.r_BN_N)),
+    )
     c = np.ravel(hub.r_BcB_B)
     P = hub.mHub * (V + R @ np.cross(w, c))
     L = R @ np.array(hub.IHubPntBc_B) @ w + np.cross(O + R @ c, P)
@@ -96,7 +99,8 @@ def main(path: str) -> Flight:
         simulation.ExecuteSimulation()
         after = vehicle.scStateOutMsg.read()
         R, O = (
-            (f(before) + f(after)) / 2.0 for f in (lambda s: from_mrp(np.array(s.sigma_BN)), lambda s: np.array(s.r_BN_N))
+            (f(before) + f(after)) / 2.0
+            for f in (lambda s: Rotation.from_mrp(s.sigma_BN).as_matrix(), lambda s: np.array(s.r_BN_N))
         )
         given[:3] += STEP * R @ thrust
         given[3:] += STEP * (R @ slew + np.cross(O, R @ thrust))

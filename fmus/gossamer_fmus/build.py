@@ -23,7 +23,6 @@ import hashlib
 import json
 import os
 import uuid
-import zipfile
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -31,7 +30,7 @@ from itertools import product
 from pathlib import Path
 from typing import Unpack
 
-from gossamer_files import replacing
+from gossamer_files import write_archive
 from gossamer_files.options import option
 from gossamer_models import GossamerError, ParameterError, StepModel
 
@@ -176,7 +175,11 @@ def _build(
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(compile_one, product(platforms, fmus)))
-    return {name: _write(folder / f"{name}.fmu", members) for name, members in fmus.items()}
+    paths = {name: folder / f"{name}.fmu" for name in fmus}
+    for name, members in fmus.items():
+        ordered = sorted(members.items(), key=lambda item: (item[0] != "modelDescription.xml", item[0]))
+        write_archive(paths[name], dict(ordered))
+    return paths
 
 
 def _resources(model: StepModel, native: bool) -> dict[str, bytes]:
@@ -206,15 +209,3 @@ def _identifier(members: Mapping[str, bytes]) -> str:
     for name, data in sorted(members.items()):
         content.update(name.encode() + b"\0" + data + b"\0")
     return f"{{{uuid.uuid5(_NAMESPACE, content.hexdigest())}}}"
-
-
-def _write(path: Path, members: Mapping[str, bytes]) -> Path:
-    """Write files, given by name, as an FMU whose bytes depend on nothing else; its folder is made if needed."""
-    with replacing(path) as unfinished, zipfile.ZipFile(unfinished, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, data in sorted(members.items(), key=lambda item: (item[0] != "modelDescription.xml", item[0])):
-            member = zipfile.ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0))
-            member.compress_type = zipfile.ZIP_DEFLATED
-            member.external_attr = 0o644 << 16
-            member.create_system = 3
-            archive.writestr(member, data)
-    return path

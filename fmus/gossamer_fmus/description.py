@@ -13,6 +13,7 @@ from itertools import groupby, product
 from typing import Literal
 from xml.etree import ElementTree as ET
 
+from gossamer_files.measured.units import in_base_units
 from gossamer_models import ParameterError, StepModel, Variable
 
 FmiVersion = Literal[2, 3]
@@ -159,24 +160,12 @@ def base_unit(name: str) -> dict[str, str]:
     ParameterError
         The unit is unknown, has an offset as degC has, or is not a product of integer powers of base units.
     """
-    import pint
-
-    expression = re.sub(r"(?<=[A-Za-z])(?=-?\d)", "**", name)  # kg/m3 is kg/m**3
-    registry = pint.application_registry
-    try:
-        quantity, twice = (registry.Quantity(value, expression).to_base_units() for value in (1.0, 2.0))
-    except pint.PintError as error:
-        msg = f"unit {name!r} cannot be written in base units: {error}. Use another unit."
-        raise ParameterError(msg) from error
-    powers = {registry.get_symbol(unit): exponent for unit, exponent in quantity.unit_items()}
-    whole = all(unit in _BASE and power == int(power) for unit, power in powers.items())
-    if twice.magnitude != 2.0 * quantity.magnitude or not whole:
+    found = in_base_units(re.sub(r"(?<=[A-Za-z])(?=-?\d)", "**", name))  # kg/m3 is kg/m**3
+    if found is None or found.offset or set(found.powers) - set(_BASE):
         msg = f"unit {name!r} is not a product of integer powers of SI base units. Use one that is."
         raise ParameterError(msg)
-    attributes = {unit: str(int(power)) for unit, power in powers.items()}
-    if quantity.magnitude != 1.0:
-        attributes["factor"] = repr(float(quantity.magnitude))
-    return attributes
+    attributes = {unit: str(power) for unit, power in found.powers.items()}
+    return attributes | ({"factor": repr(found.factor)} if found.factor != 1.0 else {})
 
 
 def _root(model: StepModel, *, native: bool, **attributes: str) -> ET.Element:

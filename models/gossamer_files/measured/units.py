@@ -6,9 +6,10 @@ case: ``MOhm`` is a million ohm and ``mOhm`` a thousandth.
 
 from __future__ import annotations
 
+import math
 import re
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 SI = {"time": "s", "strain": "1", "resistance": "ohm"}  # units inside, by what a column holds
 ANY_CASE = ("time", "strain")  # where the case of a letter makes no other unit that anyone uses
@@ -24,6 +25,7 @@ ONE_UNIT = re.compile(r"[^\W\d_]+|[%‰]|([µμ]?m+) ?/ ?m+")
 NAMES = ("t", "r")  # of columns, though pint has units of these names
 ANY_UNIT = re.compile(r"(1/)?°?[^\W\d_]+(\^?[23²³])?([ */·]°?[^\W\d_]+(\^?[23²³])?)*")
 LENGTH = re.compile(r"[cmnuµμ]?m|inch(?:es)?|(?:milli|centi|micro)?met(?:er|re)s?")  # of a displacement
+_WIDE = 1000.0  # of a unit: apart from 0, so that rounding of an offset does not reach the factor
 ANGLES = ("radian", "degree", "turn", "bit", "count")  # without a dimension, yet no strains
 
 
@@ -79,6 +81,33 @@ def conversion(text: str, to: str) -> float | None:
         return float(one - nothing)  # a rise of temperature in degC is one in K
     except errors:
         return None
+
+
+class InBaseUnits(NamedTuple):
+    """A unit over SI base units: ``factor * value + offset``, with whole powers of base units by their symbols."""
+
+    factor: float
+    offset: float
+    powers: dict[str, int]
+
+
+@cache
+def in_base_units(text: str) -> InBaseUnits | None:
+    """Return what a unit is in base units; None if it is none, or no factor, offset and whole powers say it."""
+    registry, errors = unit_registry()
+    try:
+        unit = registry.Unit(text if text != "1" else "dimensionless")
+        zero, one, many = (registry.Quantity(value, unit).to_base_units() for value in (0.0, 1.0, _WIDE))
+        powers = {registry.get_symbol(base): power for base, power in one.unit_items()}
+    except errors:
+        return None
+    offset = float(zero.magnitude)
+    factor = float((many.magnitude - offset) / _WIDE if offset else one.magnitude)
+    linear = all(
+        math.isclose(each.magnitude, size * factor + offset, rel_tol=1e-12) for each, size in ((one, 1.0), (many, _WIDE))
+    )
+    whole = all(power == int(power) for power in powers.values())
+    return InBaseUnits(factor, offset, {base: int(power) for base, power in powers.items()}) if linear and whole else None
 
 
 @cache

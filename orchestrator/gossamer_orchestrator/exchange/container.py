@@ -23,12 +23,13 @@ from typing import Any
 
 from fmu_manipulation_toolbox.container import FMUContainer, FMUContainerError
 from fmu_manipulation_toolbox.operations import FMUError
+from gossamer_files import write_archive
 from gossamer_files.options import option
 from lxml import etree
 from pyssp_standard.unit import Units
 
-from ..errors import ScenarioError
-from ..fmi.archive import check_target, write_archive
+from ..errors import ScenarioError, writing
+from ..fmi.archive import check_target
 from ..fmi.slave import collect_errors
 from ..scenario.plan import Plan, make_plan
 from ..scenario.schema import Scenario
@@ -91,7 +92,9 @@ def build_container(scenario: Scenario, fmus: Path, out: Path, *, fmi: int = 2) 
                 problems.add(("connections",), f"{text} Connect variables of one unit.")
         problems.raise_if_any()
         with TemporaryDirectory(prefix="gossamer-") as folder:
-            write_archive(out, _build(plan, Path(folder), out.stem, fmi))
+            members = _build(plan, Path(folder), out.stem, fmi)
+    with writing(out):
+        write_archive(out, members)
     return out
 
 

@@ -16,6 +16,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+from gossamer_files import write_archive
 from lxml import etree
 from pyssp_standard.common_content_ssc import Annotation, TypeReal
 from pyssp_standard.parameter_types import ParameterType
@@ -25,7 +26,8 @@ from pyssp_standard.transformation_types import Transformation
 from pyssp_standard.unit import BaseUnit, Unit
 from pyssp_standard.utils import register_namespaces
 
-from ..fmi.archive import check_target, write_archive
+from ..errors import writing
+from ..fmi.archive import check_target
 from ..fmi.file import FmuFile
 from ..fmi.types import scale
 from ..scenario import schema
@@ -69,7 +71,8 @@ def export_ssp(scenario: schema.Scenario, fmus: Path, out: Path) -> Path:
         sources = _sources(plan.files)
         members = {STRUCTURE: _structure(plan, sources)}
         members |= {source: file.path.read_bytes() for file, source in sources.items()}
-    write_archive(out, members)
+    with writing(out):
+        write_archive(out, members)
     return out
 
 

@@ -8,14 +8,12 @@ from __future__ import annotations
 import stat
 import zipfile
 import zlib
-from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 
-from gossamer_files import replacing
 from gossamer_files.options import option
 
-from ..errors import FmuError, OrchestratorError, check_path, explain_file, writing
+from ..errors import FmuError, OrchestratorError, check_path, explain_file
 from ..names import suggest
 
 MAX_FILES = 20_000
@@ -127,20 +125,3 @@ def check_target(path: Path, ending: str) -> None:
     if path.is_dir():
         msg = f"cannot write {path}: it is a folder. Name a file in it with {option('out')}."
         raise OrchestratorError(msg)
-
-
-def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
-    """Write a ZIP archive that depends on nothing but its content, whole or not at all.
-
-    Raises
-    ------
-    OrchestratorError
-        It cannot be written there.
-    """
-    with writing(path), replacing(path) as unfinished, zipfile.ZipFile(unfinished, "w") as archive:
-        for name, content in members.items():
-            member = zipfile.ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0))
-            member.compress_type = zipfile.ZIP_STORED if name.endswith(".fmu") else zipfile.ZIP_DEFLATED
-            member.external_attr = 0o644 << 16
-            member.create_system = 3
-            archive.writestr(member, content)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import ctypes
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from fmpy.fmi1 import FMICallException
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..errors import FmuError, SimulationError
 from .file import FmuFile
 from .slave import DISCARD, ERROR, FATAL, WARNING, Log, is_python, start_slave
-from .types import Port, Value, ValuePort
+from .types import Port, Value, ValuePort, suffix
 
 MAX_UPDATES = 1000
 _LAST_TIME, _TERMINATED = 2, 3  # of fmi2StatusKind
@@ -53,15 +53,7 @@ class Instance:
 
     version = 2
     _UPDATE, _LEAVE = "updateDiscreteStates", "enterStepMode"  # FMPy's methods that handle events, and leave their mode
-    _FUNCTIONS: ClassVar = {
-        "get": "fmi2GetReal",
-        "set": "fmi2SetReal",
-        "do_step": "fmi2DoStep",
-        "get_state": "fmi2GetFMUstate",
-        "set_state": "fmi2SetFMUstate",
-        "free_state": "fmi2FreeFMUstate",
-        "terminate": "fmi2Terminate",
-    }
+    _STATE = "FMUstate"  # in the names of functions
 
     def __init__(self, fmu: FmuFile, name: str, time: float = 0.0) -> None:
         self.fmu = fmu
@@ -86,11 +78,10 @@ class Instance:
             raise FmuError(msg) from error
         self._is_python = is_python(fmu.folder())
         # by subscript the library gives functions of its own, without FMPy's argument types
-        functions = {name: self._slave.dll[symbol] for name, symbol in self._FUNCTIONS.items()}
-        self._do_step: Any
-        self._get, self._set, self._do_step = functions["get"], functions["set"], functions.get("do_step")
-        self._get_state, self._set_state = functions["get_state"], functions["set_state"]
-        self._free_state, self._terminate = functions["free_state"], functions["terminate"]
+        dll, begin, reals = self._slave.dll, f"fmi{self.version}", suffix("Real", self.version)
+        self._get, self._set, self._terminate = (dll[begin + name] for name in (f"Get{reals}", f"Set{reals}", "Terminate"))
+        self._get_state, self._set_state, self._free_state = (dll[begin + do + self._STATE] for do in ("Get", "Set", "Free"))
+        self._do_step: Any = None if fmu.model_exchange else dll[f"{begin}DoStep"]
         self._component = ctypes.c_void_p(self._slave.component)
         self._state_arguments = [(self._component, ctypes.byref(state)) for state in self._states]
 

@@ -13,7 +13,7 @@ import ctypes
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from fmpy.fmi1 import FMICallException
@@ -35,15 +35,7 @@ class Instance3(Instance):
     """One instance of an FMU of FMI 3.0; see ``Instance``."""
 
     version = 3
-    _FUNCTIONS: ClassVar = {
-        "get": "fmi3GetFloat64",
-        "set": "fmi3SetFloat64",
-        "do_step": "fmi3DoStep",
-        "get_state": "fmi3GetFMUState",
-        "set_state": "fmi3SetFMUState",
-        "free_state": "fmi3FreeFMUState",
-        "terminate": "fmi3Terminate",
-    }
+    _STATE = "FMUState"
 
     def __init__(self, fmu: FmuFile, name: str, time: float = 0.0) -> None:
         super().__init__(fmu, name, time)
@@ -269,14 +261,11 @@ def _load_integrator(fmu: FmuFile) -> type[Integrator]:
 class ModelExchange2(ModelExchange):
     """One instance of an FMU of FMI 2.0 for model exchange."""
 
-    _FUNCTIONS: ClassVar = {name: symbol for name, symbol in Instance._FUNCTIONS.items() if name != "do_step"}
     _UPDATE = "newDiscreteStates"
 
 
 class ModelExchange3(ModelExchange, Instance3):
     """One instance of an FMU of FMI 3.0 for model exchange."""
-
-    _FUNCTIONS: ClassVar = {name: symbol for name, symbol in Instance3._FUNCTIONS.items() if name != "do_step"}
 
 
 def start_instance(fmu: FmuFile, name: str, time: float = 0.0) -> Instance:

@@ -78,6 +78,12 @@ def is_python(folder: Path) -> bool:
     return (folder / "resources/slavemodule.txt").exists()
 
 
+def slave_class(description: Any) -> Any:  # noqa: ANN401
+    """Return FMPy's class for a version of FMI, for co-simulation if the FMU has that."""
+    module, version = (fmi2, 2) if description.fmiVersion.startswith("2") else (fmi3, 3)
+    return getattr(module, f"FMU{version}{'Model' if description.coSimulation is None else 'Slave'}")
+
+
 def start_slave(
     description: Any,  # noqa: ANN401
     folder: Path,
@@ -118,10 +124,7 @@ def start_slave(
     if not library.is_file():
         raise FmuError(explain_platforms(folder, library))
     two = description.fmiVersion.startswith("2")
-    exchange = description.coSimulation is None
-    kinds = (fmi2.FMU2Model, fmi3.FMU3Model) if exchange else (fmi2.FMU2Slave, fmi3.FMU3Slave)
-    kind = kinds[0] if two else kinds[1]
-    slave = kind(
+    slave = slave_class(description)(
         guid=token or description.guid,
         unzipDirectory=str(folder),
         modelIdentifier=interface(description).modelIdentifier,
@@ -131,7 +134,7 @@ def start_slave(
         if two:
             options = {"callbacks": _callbacks(log, proxy=not is_python(folder))}
         else:
-            modes = () if exchange else ("eventModeUsed", "earlyReturnAllowed")
+            modes = () if description.coSimulation is None else ("eventModeUsed", "earlyReturnAllowed")
             options = {"logMessage": log.add} | dict.fromkeys(modes, event_mode)
         slave.instantiate(loggingOn=True, **options)
     except Exception:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 from fmpy.model_description import BaseUnit
-from gossamer_files.measured.units import unit_registry
+from gossamer_files.measured.units import in_base_units
 from numpy.typing import NDArray
 
 SAME = {"Float64": "Real", "Int32": "Integer"}  # FMI 3.0's name: the one used here
@@ -35,17 +35,9 @@ Value = bool | int | float | str | bytes
 _C_TYPES: dict[str, Any] = {
     "Real": ctypes.c_double,
     "Float32": ctypes.c_float,
-    "Int8": ctypes.c_int8,
-    "UInt8": ctypes.c_uint8,
-    "Int16": ctypes.c_int16,
-    "UInt16": ctypes.c_uint16,
-    "Integer": ctypes.c_int32,
-    "UInt32": ctypes.c_uint32,
-    "Int64": ctypes.c_int64,
-    "UInt64": ctypes.c_uint64,
     "String": ctypes.c_char_p,
     "Binary": ctypes.c_void_p,
-}
+} | {name: getattr(ctypes, f"c_{'u' * (bits < 0)}int{abs(bits)}") for name, bits in _BITS.items()}
 
 
 def c_type(kind: str, version: int) -> Any:  # noqa: ANN401
@@ -186,31 +178,14 @@ def scale(unit: Any) -> dict[str, float]:  # noqa: ANN401
     return defined
 
 
-_BASES = {
-    "kilogram": "kg",
-    "meter": "m",
-    "second": "s",
-    "ampere": "A",
-    "kelvin": "K",
-    "mole": "mol",
-    "candela": "cd",
-    "radian": "rad",
-}
-_WIDE = 1000.0  # of a unit: apart from 0, so that rounding of an offset does not reach the factor
-
-
 def definition_of(name: str) -> BaseUnit | None:
     """Return what a unit is in SI, as pint knows it; None if it is none, or no factor and offset convert it."""
-    registry, errors = unit_registry()
-    try:
-        unit = registry.Unit(name)
-        zero, one, many = (registry.Quantity(x, unit).to_base_units() for x in (0.0, 1.0, _WIDE))
-    except errors:
-        return None
-    exponents = {_BASES.get(base, ""): int(power) for base, power in one.unit_items()}
-    offset, factor = zero.magnitude, (many.magnitude - zero.magnitude) / _WIDE
-    linear = math.isclose(one.magnitude, factor + offset, rel_tol=1e-12)
-    return BaseUnit(factor=factor, offset=offset, **exponents) if linear and "" not in exponents else None
+    found = in_base_units(name)
+    return (
+        BaseUnit(factor=found.factor, offset=found.offset, **found.powers)
+        if found and set(found.powers) <= set(POWERS)
+        else None
+    )
 
 
 def conversion(a: Any, b: Any) -> tuple[float, float] | None:  # noqa: ANN401

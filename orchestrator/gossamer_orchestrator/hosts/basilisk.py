@@ -16,11 +16,12 @@ import numpy as np
 from Basilisk.architecture import messaging, sysModel
 from Basilisk.simulation import extForceTorque
 from Basilisk.utilities import macros
+from scipy.spatial.transform import Rotation
 
 from ..errors import FmuError, SimulationError
 from ..fmi.file import FmuFile
 from ..fmi.instances import start_instance
-from .debt import Array, Debt, from_mrp, turn
+from .debt import Array, Debt, turn
 
 _MOTION = [f"{name}[{k}]" for name in ("frame_acceleration", "angular_velocity", "angular_acceleration") for k in (1, 2, 3)]
 _REACTION = [f"{name}[{k}]" for name in ("force", "torque") for k in (1, 2, 3)]
@@ -116,7 +117,7 @@ class FramedMembrane(sysModel.SysModel):  # type: ignore[misc, unused-ignore]  #
             raise SimulationError(msg, component=self.ModelTag, time=begin)
         self._time = nanoseconds
         self._instance.read(self._reaction)
-        R = from_mrp(np.array(state.sigma_BN))
+        R = Rotation.from_mrp(state.sigma_BN).as_matrix()
         self._apply(self._debt.applied(R, w, w_dot, self._reaction.values, h))
 
     @property

@@ -10,22 +10,14 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
 
 
 def turn(angle: Array) -> Array:
     """Return the matrix of a rotation [rad], shape (3,), which takes vectors from the turned axes to the first ones."""
-    size = float(np.linalg.norm(angle))
-    K = _skew(angle)
-    a, b = (np.sin(size) / size, (1.0 - np.cos(size)) / size**2) if size > 1e-4 else (1.0 - size**2 / 6.0, 0.5)
-    return np.asarray(np.eye(3) + a * K + b * (K @ K))
-
-
-def from_mrp(sigma: Array) -> Array:
-    """Return the matrix that turns body axes to inertial ones, from modified Rodrigues parameters of the body."""
-    S, square = _skew(sigma), float(sigma @ sigma)
-    return np.asarray(np.eye(3) + (8.0 * S @ S + 4.0 * (1.0 - square) * S) / (1.0 + square) ** 2)
+    return np.asarray(Rotation.from_rotvec(angle).as_matrix())
 
 
 class Debt:

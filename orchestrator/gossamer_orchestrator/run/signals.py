@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable
+from operator import methodcaller
 from typing import Any
 
 import numpy as np
@@ -91,6 +92,8 @@ class Store:
 
 
 _BLOCK = 4096
+_UNIFORM, _NORMAL = methodcaller("uniform", -1.0, 1.0, _BLOCK), methodcaller("normal", size=_BLOCK)
+_CHANCE = methodcaller("random", _BLOCK)
 
 
 class _Draws:
@@ -146,10 +149,10 @@ class Channel:
         self._hold = True
         if noise is not None:
             uniform = noise.kind == "uniform"
-            self._noise = _Draws([noise.seed, name, 0], _uniform if uniform else _normal)
+            self._noise = _Draws([noise.seed, name, 0], _UNIFORM if uniform else _NORMAL)
             self._amplitude = noise.amplitude
         if dropout is not None:
-            self._chance = _Draws([dropout.seed, name, 1], _chance)
+            self._chance = _Draws([dropout.seed, name, 1], _CHANCE)
             self._probability, self._hold = dropout.probability, dropout.hold
 
     def __call__(self, value: float, tick: int) -> float:
@@ -161,15 +164,3 @@ class Channel:
             value += self._amplitude * self._noise[tick]
         self.held = value
         return value
-
-
-def _uniform(generator: Generator) -> NDArray[np.float64]:
-    return generator.uniform(-1.0, 1.0, _BLOCK)
-
-
-def _normal(generator: Generator) -> NDArray[np.float64]:
-    return generator.normal(size=_BLOCK)
-
-
-def _chance(generator: Generator) -> NDArray[np.float64]:
-    return generator.random(_BLOCK)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..fmi.file import explain_platforms, platforms
-from ..fmi.slave import Log, collect_errors
+from ..fmi.slave import Log, collect_errors, slave_class
 from .subject import REALS, Subject
 
 PASSED, FAILED, REMARK, NOT_APPLICABLE = "passed", "failed", "remark", "not applicable"
@@ -153,12 +153,8 @@ def _platform(subject: Subject) -> Outcome:
 
 @check("exported functions", gate=True)
 def _functions(subject: Subject) -> Outcome:
-    from fmpy import fmi2, fmi3
-
     prefix = f"fmi{subject.version}"
-    kinds = (fmi2.FMU2Model, fmi3.FMU3Model) if subject.exchange else (fmi2.FMU2Slave, fmi3.FMU3Slave)
-    kind = kinds[subject.version - 2]
-    wanted = [name for name in dir(kind) if name.startswith(prefix)]
+    wanted = [name for name in dir(slave_class(subject.description)) if name.startswith(prefix)]
     try:
         library = subject.calls.make(ctypes.CDLL, str(subject.library))
     except OSError as error:

@@ -7,7 +7,9 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from gossamer_files import write_archive
 from gossamer_orchestrator import OrchestratorError, ScenarioError, open_ssp
+from gossamer_orchestrator.errors import writing
 from gossamer_orchestrator.exchange.ssp_files import SSP
 from gossamer_orchestrator.fmi import archive
 from gossamer_orchestrator.scenario.source import find_scenario
@@ -86,8 +88,8 @@ def test_a_file_that_is_no_ssp_is_refused(tmp_path):
 
 def test_an_archive_that_cannot_be_finished_leaves_nothing(tmp_path):
     with pytest.raises(TypeError):
-        archive.write_archive(tmp_path / "a.ssp", {"one": b"1", "two": None})
+        write_archive(tmp_path / "a.ssp", {"one": b"1", "two": None})
     assert list(tmp_path.iterdir()) == []
     (tmp_path / "file").write_text("")
-    with pytest.raises(OrchestratorError, match=r"cannot write [^\[]* Name another place with out=."):
-        archive.write_archive(tmp_path / "file/a.ssp", {})
+    with pytest.raises(OrchestratorError, match=r"cannot write [^\[]* Name another place with out=."), writing(tmp_path):
+        write_archive(tmp_path / "file/a.ssp", {})
