@@ -217,7 +217,7 @@ def twin(
             **given,
             mesh_error=errors,
             nuisances=_names(fit),
-            known=BY_DEFAULT if known == "all" else _names(known),
+            known=BY_DEFAULT if _names(known) == ("all",) else _names(known),
             sparse=sparse,
             whole=stop is not None,
         )

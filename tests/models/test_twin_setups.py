@@ -172,6 +172,13 @@ def test_what_cannot_be_told_is_said_before_the_fit(dish, recorded):
     assert len(drowned) >= 1
 
 
+def test_load_states_are_in_no_order_so_none_of_them_is_said_to_be_late(strip):
+    values = pulled(np.zeros(4))[:, [0, 0, 1, 2]]
+    answer = Twin(strip, known=BY_DEFAULT).fit(static(values))
+    assert not answer.valid
+    assert not [doubt for doubt in answer.doubts if "late" in doubt]
+
+
 def test_readings_are_weighed_by_noise_and_model_error():
     random = np.random.default_rng(4)
     present, noise = np.ones((2, 6), dtype=bool), np.array([1.0, 2.0])

@@ -38,8 +38,7 @@ class RecordWeights:
     noise : ndarray, shape (s,)
         Standard deviations, in the unit of the record.
     components : ndarray, shape (k, s, n)
-        What is unknown beside the noise, in the unit of the record, each times its standard deviation: nuisances that enter
-        linearly, and an error of the model. Their outer products add up to their covariance.
+        Of an error of the model, in the unit of the record; their outer products add up to its covariance.
     splines : ndarray, shape (n, splines), or None
         Functions of time on which alone the record is compared; None to compare all of it.
     """
@@ -113,12 +112,9 @@ class DamageUnknowns:
 
     def histories(self, x: Matrix, samples: int, h: float) -> Matrix:
         """Simulate the strain [1] of rows of unknowns, shape (m, s, samples)."""
-        return self.simulate(self.damage(x), self.z(x), samples, h)
-
-    def simulate(self, damage: Matrix, z: Matrix, samples: int, h: float) -> Matrix:
-        """Simulate the strain [1] of rows of damages of all zones and of nuisances, shape (m, s, samples)."""
+        z = self.z(x)
         loads = self.nuisances.histories(z, h * np.arange(1.0, samples + 1.0))
-        return self.model.strain(damage, self.nuisances.moved(z), loads, samples, h)
+        return self.model.strain(self.damage(x), self.nuisances.moved(z), loads, samples, h)
 
     def linearised(self, x: Vector, samples: int, h: float, report: Report = lambda *_: None) -> tuple[Matrix, Matrix]:
         """Return the strain [1] at unknowns, shape (s, samples), and its differences by all, shape (size, s, samples).
@@ -156,7 +152,7 @@ class DamageUnknowns:
 
 
 class RecordProblem(DamageUnknowns, LeastSquares):
-    r"""Predictions, residuals and derivatives for one record.
+    """Predictions, residuals and derivatives for one record.
 
     Parameters
     ----------
@@ -191,25 +187,22 @@ class RecordProblem(DamageUnknowns, LeastSquares):
     ) -> None:
         super().__init__(sensed.forward, nuisances, groups)
         self.steps[: self.zones] = SMALL_STEP
-        self.sensed, self.record, self.noise, self._discrepancy = sensed, record, noise, discrepancy
+        self.sensed, self.record = sensed, record
         self._zero, self._scale = sensed.scale(record.kind)
-        self._simulations, self._report, self._counting = [0], report, Lock()
+        self.simulations, self._report, self._counting = 0, report, Lock()
+        splines = None
         if discrepancy is not None:
             error = discrepancy.basis(record.samples, record.step)
-        self._error = np.zeros((0, *record.values.shape)) if error is None else self._as_read(error)
-        splines = None if discrepancy is None else spline_matrix(record.samples, record.step, discrepancy.length)
-        self._weights = RecordWeights(record.present, noise, self._error, splines)
+            splines = spline_matrix(record.samples, record.step, discrepancy.length)
+        components = np.zeros((0, *record.values.shape)) if error is None else self._as_read(error)
+        self._weights = RecordWeights(record.present, noise, components, splines)
         self.values = self._weights.values
         self.y = self._weights.weigh(np.where(record.present, record.values, 0.0)[None])[0]
 
-    @property
-    def simulations(self) -> int:
-        """How many cases were simulated, for this problem."""
-        return self._simulations[0]
-
     def predict(self, x: Matrix) -> Matrix:
         """Return strain or resistance without gain, offset and delay, shape (m, s, n or more)."""
-        return self._predict(self.damage(x), self.z(x))
+        strain = self._strain(x)
+        return strain if self.record.kind == "strain" else self.sensed.resistance(strain, self.record.step)
 
     def weigh(self, predicted: Matrix, x: Matrix) -> Matrix:
         """Weigh what sensors with gain, offset and delay read, shape (m, values)."""
@@ -242,24 +235,20 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         error = error[:, :, : record.samples]
         if record.kind == "strain":
             return error
-        nothing = np.zeros((1, len(self.groups))), np.zeros((1, self.size - self.zones))
-        strain = self._strain(*nothing)[:, :, : record.samples]
+        strain = self._strain(np.zeros((1, self.size)))[:, :, : record.samples]
         both = self.sensed.resistance(np.concatenate([strain, strain + error]), record.step)
         return both[1:] - both[:1]
 
     def _read(self, predicted: Matrix, z: Matrix) -> Matrix:
         return self.nuisances.read(predicted, self._zero, self._scale, z)[:, :, : self.record.samples]
 
-    def _predict(self, damage: Matrix, z: Matrix) -> Matrix:
-        strain = self._strain(damage, z)
-        return strain if self.record.kind == "strain" else self.sensed.resistance(strain, self.record.step)
-
-    def _strain(self, damage: Matrix, z: Matrix) -> Matrix:
+    def _strain(self, x: Matrix) -> Matrix:
         record = self.record
         with self._counting:  # starts run side by side
-            self._report(record.samples * record.step, self._simulations[0])
-            self._simulations[0] += len(z)
+            self._report(record.samples * record.step, self.simulations)
+            self.simulations += len(x)
         if isinstance(record, StaticRecord):
+            z = self.z(x)
             loads = self.nuisances.histories(z, np.zeros(record.states))
-            return self.model.states(damage, self.nuisances.moved(z), loads)[:, :, record.state]
-        return self.simulate(damage, z, record.samples + self.nuisances.spare, record.step)
+            return self.model.states(self.damage(x), self.nuisances.moved(z), loads)[:, :, record.state]
+        return self.histories(x, record.samples + self.nuisances.spare, record.step)

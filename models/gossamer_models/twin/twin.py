@@ -22,7 +22,7 @@ from .forward import Forward, forward_of
 from .groups import UNRESOLVED, alike, untold, without_nuisances
 from .least_squares import MOST_DAMAGE, PRIOR_DEVIATION, descend
 from .mesh_error import MeshErrors
-from .nuisances import BY_DEFAULT, FACTORS, KNOTS, OF_MOTION, Loads, Nuisances, check_names, possible
+from .nuisances import BY_DEFAULT, FACTORS, KNOTS, NAMES, OF_MOTION, Loads, Nuisances, check_names, possible
 from .problem import DamageUnknowns, RecordProblem
 from .reasons import likely_reason
 from .record import LEAST_SAMPLES, ResponseRecord, StaticRecord, Wiring, best_wiring, dead_sensors, other_wirings
@@ -247,12 +247,13 @@ class Twin:
         return Nuisances(kinds, model.parameters, model.inputs, model.sensors, loads, record.step * record.samples, spacing)
 
     def _kinds(self, record: ResponseRecord, *, wider: bool = False) -> tuple[str, ...]:
-        """Return the nuisances that are fitted; wider: all that there are."""
+        """Return the nuisances that are fitted; wider: all that act on the record."""
         given = possible(self._forward.parameters, Loads(record.start, record.inputs))
-        left_out = {*self.known, *(OF_MOTION if isinstance(record, StaticRecord) else ())}
-        left_out |= {*FACTORS} if {*self.nuisances} & {*self._forward.inputs} else set()  # any load explains any of them
-        by_default = (name for name in given if wider or (name in BY_DEFAULT and name not in left_out))
-        return tuple(dict.fromkeys((*self.nuisances, *by_default)))
+        left_out = {*OF_MOTION} if isinstance(record, StaticRecord) else set[str]()
+        if not wider:
+            left_out |= {*self.known} | ({*NAMES} - {*BY_DEFAULT})
+            left_out |= {*FACTORS} if {*self.nuisances} & {*self._forward.inputs} else set()  # any load explains any of them
+        return tuple(dict.fromkeys((*self.nuisances, *(name for name in given if name not in left_out))))
 
     def _stages(self, record: ResponseRecord, report: Callable[[float, int], None]) -> list[RecordProblem]:
         """Make the problems of longer and longer beginnings of a record."""
@@ -307,10 +308,11 @@ class Twin:
 
     def _early_misfit(self, record: ResponseRecord, report: Callable[[float, int], None]) -> float:
         """Return the misfit of the last early stage, or of the first one that is hopeless."""
-        stages = self._stages(record, report)
-        x, found = np.zeros(stages[0].size), np.inf
-        for stage in stages[:-1] or stages:
-            point = descend(stage, x, np.ones(stage.size, dtype=bool), enough=ROUGH).point
+        x, found, early = None, np.inf, self._early_samples(record) or [self._compared(record)]
+        for samples in early:
+            stage = self._problem(record, report, samples=samples)
+            start = np.zeros(stage.size) if x is None else x
+            point = descend(stage, start, np.ones(stage.size, dtype=bool), enough=ROUGH).point
             x, found = point.x, misfit(stage, point)
             if found > HOPELESS:
                 break

@@ -14,6 +14,7 @@ from typing import Any
 
 from fmpy import fmi2, fmi3
 from fmpy.logging import addLoggerProxy
+from fmpy.model_description import ModelDescription
 
 from ..errors import FmuError
 from .file import explain_platforms, interface, library_path
@@ -78,10 +79,11 @@ def is_python(folder: Path) -> bool:
     return (folder / "resources/slavemodule.txt").exists()
 
 
-def slave_class(description: Any) -> Any:  # noqa: ANN401
+def slave_class(description: ModelDescription) -> type[Any]:
     """Return FMPy's class for a version of FMI, for co-simulation if the FMU has that."""
     module, version = (fmi2, 2) if description.fmiVersion.startswith("2") else (fmi3, 3)
-    return getattr(module, f"FMU{version}{'Model' if description.coSimulation is None else 'Slave'}")
+    found: type[Any] = getattr(module, f"FMU{version}{'Model' if description.coSimulation is None else 'Slave'}")
+    return found
 
 
 def start_slave(
