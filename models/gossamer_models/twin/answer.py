@@ -34,6 +34,9 @@ class Answer:
     nuisances : dict of tuple of float
         Value and standard deviation of each nuisance: a factor for load, damping, modulus and gain; phase [rad]; pressure
         [Pa]; offset [1], of strain or of the sensor's change at full scale.
+    sensor_errors, sensor_offsets : tuple of float or None
+        How far each sensor is off its identified model, as shares of the range of what it reads [1]: root mean square of its
+        likeliest error beside an offset, and that offset; None of one without values. Empty for strain.
     chi2_per_sample, chi2_bound : float
         Mean square of the residuals in units of the expected ones, and the bound that a right model passes in 999 of
         1000 records.
@@ -63,6 +66,8 @@ class Answer:
     probability: Vector
     covariance: Matrix
     nuisances: dict[str, tuple[float, float]]
+    sensor_errors: tuple[float | None, ...] = ()
+    sensor_offsets: tuple[float | None, ...] = ()
     chi2_per_sample: float
     chi2_bound: float
     valid: bool

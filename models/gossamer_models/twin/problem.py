@@ -7,6 +7,9 @@ Symbols: ``x`` unknowns, first the damages [1], then the nuisances in units of t
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
+from functools import cached_property
+from itertools import pairwise
 from threading import Lock
 from typing import TypeAlias
 
@@ -17,8 +20,9 @@ from ..arrays import Matrix, Rows, Vector
 from .discrepancy import Discrepancy, spline_matrix
 from .forward import LANES, WORKERS, Forward
 from .least_squares import DAMAGE_STEP, MOST_DAMAGE, LeastSquares, Point, neighbours, require_finite
-from .nuisances import BEYOND, Nuisances
+from .nuisances import BEYOND, SENSOR, Nuisances
 from .record import ResponseRecord, StaticRecord
+from .sensor_error import SensorError
 from .simulation import SensedForward
 
 NEGLIGIBLE = 1e-9  # of the largest eigenvalue: directions that gaps leave without values; of the noise's variance
@@ -41,9 +45,20 @@ class RecordWeights:
         Of an error of the model, in the unit of the record; their outer products add up to its covariance.
     splines : ndarray, shape (n, splines), or None
         Functions of time on which alone the record is compared; None to compare all of it.
+    own : ndarray, shape (f, s, n), or None
+        Components too, but those of a sensor know nothing of those of another; None for none.
+
+    Attributes
+    ----------
+    values : int
+        Independent numbers that are compared.
+    log_determinant : float
+        Of the covariance, in units of the noise's.
     """
 
-    def __init__(self, present: Rows, noise: Vector, components: Matrix, splines: Matrix | None = None) -> None:
+    def __init__(
+        self, present: Rows, noise: Vector, components: Matrix, splines: Matrix | None = None, own: Matrix | None = None
+    ) -> None:
         self._present, self._bases = present, list[Matrix]()
         self._scale = np.where(present, 1.0 / np.where(present, noise[:, None], 1.0), 0.0)
         for row in present if splines is not None else ():
@@ -52,22 +67,33 @@ class RecordWeights:
             good = e > max(NEGLIGIBLE * e[-1], 1e-300)
             self._bases.append(seen @ (V[:, good] / np.sqrt(e[good])))
         self.values = sum(basis.shape[1] for basis in self._bases) if self._bases else int(present.sum())
-        scaled = self._project(components)
-        square, modes = np.linalg.eigh(scaled @ scaled.T)  # there are fewer components than values
-        seen = square > max(NEGLIGIBLE, ROUNDED * square.max(initial=0.0))
-        self._along = (modes[:, seen] / np.sqrt(square[seen])).T @ scaled
-        self._less = 1.0 - 1.0 / np.sqrt(1.0 + square[seen])
+        last = np.cumsum([basis.shape[1] for basis in self._bases] or present.sum(axis=1)).tolist()
+        self._along = list[tuple[slice, Matrix, Vector]]()
+        if own is not None:
+            scaled = self._project(own)
+            self._along = [(slice(*ends), *_modes(scaled[:, slice(*ends)])) for ends in pairwise([0, *last])]
+        self._along.append((slice(None), *_modes(self.weigh(components))))
+        self.log_determinant = -2.0 * float(sum(np.log1p(-less).sum() for _, _, less in self._along))
 
     def weigh(self, y: Matrix) -> Matrix:
         """Turn rows of readings, shape (m, s, n), into independent numbers of variance 1, shape (m, values)."""
         scaled = self._project(y)
-        return np.asarray(scaled - (scaled @ self._along.T * self._less) @ self._along)
+        for values, along, less in self._along:
+            scaled[:, values] -= (scaled[:, values] @ along.T * less) @ along
+        return scaled
 
     def _project(self, y: Matrix) -> Matrix:
         scaled = np.where(self._present, y, 0.0) * self._scale
         if not self._bases:
             return scaled[:, self._present]
         return np.concatenate([scaled[:, k] @ basis for k, basis in enumerate(self._bases)], axis=1)
+
+
+def _modes(components: Matrix) -> tuple[Matrix, Vector]:
+    """Return orthonormal modes of components beside white noise, shape (k, values), and what weighing takes from each."""
+    square, modes = np.linalg.eigh(components @ components.T)  # there are fewer components than values
+    seen = square > max(NEGLIGIBLE, ROUNDED * square.max(initial=0.0))
+    return (modes[:, seen] / np.sqrt(square[seen])).T @ components, 1.0 - 1.0 / np.sqrt(1.0 + square[seen])
 
 
 class DamageUnknowns:
@@ -172,6 +198,11 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         Components of an error of the model, strain [1] at the samples, or in the states of a static record.
     report : callable, optional
         Called before each group of simulations with the length of the record [s] and the simulations that were made.
+
+    Attributes
+    ----------
+    sensor_error : SensorError or None
+        How far the sensors may be off their identified model, if that is a nuisance.
     """
 
     def __init__(
@@ -190,14 +221,55 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         self.sensed, self.record = sensed, record
         self._zero, self._scale = sensed.scale(record.kind)
         self.simulations, self._report, self._counting = 0, report, Lock()
-        splines = None
+        self._noise, self._splines, self.sensor_error = noise, None, None
         if discrepancy is not None:
             error = discrepancy.basis(record.samples, record.step)
-            splines = spline_matrix(record.samples, record.step, discrepancy.length)
-        components = np.zeros((0, *record.values.shape)) if error is None else self._as_read(error)
-        self._weights = RecordWeights(record.present, noise, components, splines)
+            self._splines = spline_matrix(record.samples, record.step, discrepancy.length)
+        undamaged = require_finite(self._strain(np.zeros((1, self.size)))) if record.kind == "resistance" else None
+        self._components = np.zeros((0, *record.values.shape)) if error is None else self._as_read(error, undamaged)
+        if undamaged is not None and SENSOR in nuisances.kinds:
+            self.sensor_error = self._error_along(undamaged, self.sensed.resistance(undamaged, record.step)[0])
+        self._weigh_anew()
+
+    def allowing(self, error: SensorError | None) -> RecordProblem:
+        """Return the problem with another error of the sensors."""
+        found = copy(self)
+        found.sensor_error = error
+        found._weigh_anew()
+        return found
+
+    def told(self, point: Point) -> RecordProblem:
+        """Return the problem with the error of the sensors along what a point predicts, and with the likeliest scales."""
+        before = self.sensor_error
+        if before is None:
+            return self
+        error = self._error_along(self._strain(point.x[None]), self.reading(point), before.scales)
+        return self.allowing(error.told(self.record.values, self.weigh_alone))
+
+    @cached_property
+    def weigh_alone(self) -> dict[int, Callable[[Matrix], Matrix]]:
+        """What weighs the values of each sensor alone, without an error of its own, see ``SensorError.told``."""
+        sensors, present = np.arange(len(self.record.values)), self.record.present
+        return {k: self._weights_of(present & (sensors == k)[:, None]).weigh for k in self.record.sensors}
+
+    @property
+    def log_determinant(self) -> float:
+        """Of the covariance of the record beside the nuisances that are fitted, in units of the noise's."""
+        return self._weights.log_determinant
+
+    def _weigh_anew(self) -> None:
+        self._weights = self._weights_of(
+            self.record.present, None if self.sensor_error is None else self.sensor_error.components
+        )
         self.values = self._weights.values
-        self.y = self._weights.weigh(np.where(record.present, record.values, 0.0)[None])[0]
+        self.y = self._weights.weigh(np.where(self.record.present, self.record.values, 0.0)[None])[0]
+
+    def _weights_of(self, present: Rows, own: Matrix | None = None) -> RecordWeights:
+        return RecordWeights(present, self._noise, self._components, self._splines, own)
+
+    def _error_along(self, strain: Matrix, resistance: Matrix, scales: Matrix | None = None) -> SensorError:
+        bank, n = self.sensed.require_bank(), self.record.samples
+        return SensorError.along(bank, strain[0, :, :n], resistance[:, :n], self.record.step, scales)
 
     def predict(self, x: Matrix) -> Matrix:
         """Return strain or resistance without gain, offset and delay, shape (m, s, n or more)."""
@@ -227,15 +299,15 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         """Return what the sensors read at a point, shape (s, n), in the unit of the record."""
         return np.asarray(self._read(point.predicted[None], self.z(point.x[None]))[0])
 
-    def _as_read(self, error: Matrix) -> Matrix:
-        """Return components of an error of strain in the unit of the record, at its samples."""
+    def _as_read(self, error: Matrix, strain: Matrix | None) -> Matrix:
+        """Return components of an error of strain in the unit of the record, at its samples; about a strain."""
         record = self.record
         if isinstance(record, StaticRecord):
             return error[:, :, record.state]
         error = error[:, :, : record.samples]
-        if record.kind == "strain":
+        if strain is None:
             return error
-        strain = self._strain(np.zeros((1, self.size)))[:, :, : record.samples]
+        strain = strain[:, :, : record.samples]
         both = self.sensed.resistance(np.concatenate([strain, strain + error]), record.step)
         return both[1:] - both[:1]
 

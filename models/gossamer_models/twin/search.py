@@ -35,6 +35,7 @@ FEW_SENSORS = 1.5  # zones for each: with more zones there may be several minima
 HOPELESS = 5.0  # deviations of chi2 above the expected one
 MOST_STEPS = 12  # of one descent
 FEW_STEPS = 2  # where it is hopeless
+ROUNDS = 3  # of the scales of the errors of the sensors
 RIVAL_STEPS = 4  # of the descent of another set of zones
 
 
@@ -76,6 +77,11 @@ class Fit:
     def per_sample(self) -> float:
         """Chi2 per sample."""
         return self.point.chi2 / self.problem.values
+
+    @property
+    def unlikely(self) -> float:
+        """Minus twice the logarithm of the record's likelihood, but for a constant."""
+        return self.point.chi2 + self.problem.log_determinant
 
     @property
     def passes(self) -> bool:
@@ -145,7 +151,7 @@ def search(
     if not ends:
         msg = "the twin's membrane fails from every start. Check its parameters and the load."
         raise ConvergenceError(msg)
-    best = min(ends, key=lambda fit: fit.point.chi2)
+    best = min(ends, key=lambda fit: fit.unlikely)
     return best, [fit for fit in ends if fit is not best and _elsewhere(fit, best)]
 
 
@@ -175,7 +181,10 @@ def _begun(stages: Sequence[RecordProblem], damage: Vector, *, one_valley: bool)
 def _ended(whole: RecordProblem, begun: _Begun, *, sparse: bool) -> Fit | None:
     """Return the fit of the whole record from there, or None if the simulation fails."""
     try:
-        return _finish(whole, begun.x, begun.reached, sparse=sparse, hopeless=begun.hopeless)
+        fit = _finish(whole, begun.x, begun.reached, sparse=sparse, hopeless=begun.hopeless)
+        for _ in range(0 if whole.sensor_error is None or begun.hopeless else ROUNDS):
+            fit = _finish(fit.problem.told(fit.point), fit.point.x, begun.reached, sparse=sparse, hopeless=False)
+        return _with_rivals(fit) if sparse and fit.passes else fit
     except ConvergenceError:
         return None
 
@@ -244,7 +253,7 @@ def _finish(whole: RecordProblem, x: Vector, early_chi2: float, *, sparse: bool,
             break
         kept, x = other, _moved(whole, full.at, move, other)
     assert best is not None
-    return _with_rivals(best) if best.passes else best
+    return best
 
 
 def _over_all(problem: RecordProblem, found: Minimum, kept: Rows) -> Quadratic:

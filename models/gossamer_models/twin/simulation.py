@@ -40,6 +40,8 @@ class SensorBank:
 
     Attributes
     ----------
+    artifact : SensorArtifact
+        What they are.
     parameters : dict of ndarray, shape (s,)
         All parameters.
     """
@@ -51,7 +53,7 @@ class SensorBank:
         rest_strain: ArrayLike,
         parameters: Mapping[str, ArrayLike] | None = None,
     ) -> None:
-        model = sensor_model(artifact)
+        self.artifact, model = artifact, sensor_model(artifact)
         starts = {v.name: v.start for v in model.variables if v.causality == "parameter" and v.start is not None}
         known: dict[str, ArrayLike] = {**starts, "rest_strain": rest_strain, **(parameters or {})}
         for name, value in known.items():

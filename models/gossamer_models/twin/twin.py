@@ -22,7 +22,19 @@ from .forward import Forward, forward_of
 from .groups import UNRESOLVED, alike, untold, without_nuisances
 from .least_squares import MOST_DAMAGE, PRIOR_DEVIATION, descend
 from .mesh_error import MeshErrors
-from .nuisances import BY_DEFAULT, FACTORS, KNOTS, NAMES, OF_MOTION, Loads, Nuisances, check_names, possible
+from .nuisances import (
+    BY_DEFAULT,
+    FACTORS,
+    KNOTS,
+    NAMES,
+    OF_MOTION,
+    OF_SENSOR,
+    SENSOR,
+    Loads,
+    Nuisances,
+    check_names,
+    possible,
+)
 from .problem import DamageUnknowns, RecordProblem
 from .reasons import likely_reason
 from .record import LEAST_SAMPLES, ResponseRecord, StaticRecord, Wiring, best_wiring, dead_sensors, other_wirings
@@ -174,7 +186,7 @@ class Twin:
             together, _ = search([whole], means, sparse=self.sparse)
             fit = together if together.passes else fit
         if not fit.passes:
-            wider = self._problem(record, report, wider=True)
+            wider = self._problem(record, report, wider=True).allowing(fit.problem.sensor_error)
             doubts[:0] = [reason] if (reason := likely_reason(fit, wider)) else []
         return self._answer(fit, doubts, wiring, unresolved)
 
@@ -249,7 +261,10 @@ class Twin:
     def _kinds(self, record: ResponseRecord, *, wider: bool = False) -> tuple[str, ...]:
         """Return the nuisances that are fitted; wider: all that act on the record."""
         given = possible(self._forward.parameters, Loads(record.start, record.inputs))
-        left_out = {*OF_MOTION} if isinstance(record, StaticRecord) else set[str]()
+        static = isinstance(record, StaticRecord)
+        left_out = {*OF_MOTION} if static else set[str]()
+        of_sensor = record.kind == "resistance" and not static and SENSOR not in self.known
+        left_out |= {*OF_SENSOR} if of_sensor else {SENSOR}
         if not wider:
             left_out |= {*self.known} | ({*NAMES} - {*BY_DEFAULT})
             left_out |= {*FACTORS} if {*self.nuisances} & {*self._forward.inputs} else set()  # any load explains any of them
@@ -345,6 +360,9 @@ class Twin:
             error = self._mesh_error.of(problem.record)
             doubts += self._mesh_error.doubts(error)
             valid = valid and not error.buries
+        reading, shares, offsets = problem.reading(fit.point), (), ()
+        if problem.sensor_error is not None:
+            shares, offsets = problem.sensor_error.off(problem.record.values, reading, problem.weigh_alone)
         return Answer(
             zones=self._forward.zones,
             damage=x[:zones][groups],
@@ -352,6 +370,8 @@ class Twin:
             probability=likely.probability[:zones][groups],
             covariance=damages[np.ix_(groups, groups)],
             nuisances=problem.nuisances.values(x[zones:], deviation[zones:]),
+            sensor_errors=shares,
+            sensor_offsets=offsets,
             chi2_per_sample=per_sample,
             chi2_bound=bound,
             valid=valid,
@@ -363,7 +383,7 @@ class Twin:
             samples=problem.values,
             simulations=problem.simulations,
             record=problem.record,
-            predicted=problem.reading(fit.point),
+            predicted=reading,
         )
 
 

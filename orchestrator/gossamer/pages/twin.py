@@ -98,9 +98,14 @@ def zone_cells(answer: Answer, *, shown: bool) -> TableText:
 
 
 def nuisance_cells(answer: Answer) -> list[tuple[str, str]]:
-    """Return name and value with its standard deviation of what was fitted beside damage."""
+    """Return name and value with its standard deviation of what was fitted beside damage, and how far sensors are off."""
+    off = enumerate(zip(answer.sensor_errors, answer.sensor_offsets, strict=True), 1)
     return [
         (name, uncertain(*given, NUISANCE_UNITS.get(name.partition("[")[0], ""))) for name, given in answer.nuisances.items()
+    ] + [
+        (f"sensor {k} off its model", f"{100.0 * error:.2g} % of its range, beside an offset of {100.0 * offset:.2g} %")
+        for k, (error, offset) in off
+        if error is not None and offset is not None
     ]
 
 

@@ -1,0 +1,117 @@
+"""The twin of records of resistance whose sensors are off their identified model.
+
+``python -m studies.sensor_error [RECORDS] [WORLD ...]`` from the folder ``docs`` prints a line for each world, or some:
+sensors that keep to their model; tables of the sensors perturbed by smooth random fields until they read 1, 3 and 5 % of
+their range (rms, beside an offset) wrong; the virtual specimen. Bilinear square, which the twin knows; 1 to 3 zones
+of 5 to 50 %, 0.3 s, noise 0.1 % of the range.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from gossamer_models.sensor import SensorArtifact, default_artifact
+from gossamer_models.twin import ResponseRecord, Twin
+from gossamer_models.twin.simulation import SensorBank
+from numpy.typing import NDArray
+
+from .specimen.flight import calibrated_sensor, flown_resistance
+from .twin import BILINEAR, FINER, STEP, STEPS, membrane, square_structure, strain
+
+Array = NDArray[np.float64]
+NOISE = 1e-3  # of the mean range
+LENGTH = 0.3  # of the tables' side, of a random field
+LEVELS = {"exact": 0.0, "tables 1 %": 0.01, "tables 3 %": 0.03, "tables 5 %": 0.05}
+FINE = "finer, "  # worlds of order 8, which the default twin meets
+
+
+def cases(count: int, seed: int = 3) -> Array:
+    """Draw damages, shape (count, 16)."""
+    random, damage = np.random.default_rng(seed), np.zeros((count, 16))
+    for row in damage:
+        zones = random.choice(16, random.integers(1, 4), replace=False)
+        row[zones] = random.uniform(0.05, 0.5, zones.size)
+    return damage
+
+
+def perturbed(artifact: SensorArtifact, size: float, seed: int) -> SensorArtifact:
+    """Return a sensor whose tables differ by smooth random fields, and whose relaxation differs, relative size [1]."""
+    random, (mu, nu) = np.random.default_rng(seed), artifact.tables()
+    x = (np.arange(len(mu)) + 0.5) / len(mu)
+    K = np.exp(-0.5 * ((x[:, None] - x) / LENGTH) ** 2) + 1e-9 * np.eye(len(mu))
+    L = np.linalg.cholesky(K)
+    a, b = (L @ random.standard_normal(mu.shape) @ L.T for _ in range(2))
+    relaxation = tuple(
+        replace(
+            term,
+            amplitude=term.amplitude * np.exp(size * random.standard_normal()),
+            decay_rates=tuple((np.array(term.decay_rates) * np.exp(size * random.standard_normal())).tolist()),
+        )
+        for term in artifact.relaxation
+    )
+    up, down = (
+        tuple(map(tuple, np.triu(table * np.exp(size * field)).tolist()))
+        for table, field in ((mu, a), (nu, 0.7 * a + 0.71 * b))
+    )
+    return replace(artifact, mu=up, nu=down, relaxation=relaxation, scales=None, provenance={})
+
+
+def reader(level: float, seed: int, healthy: Array, rest: Array) -> Callable[[Array], Array]:
+    """Return four sensors that read wrong by a share of their range, beside an offset: from strain to resistance."""
+    own = SensorBank(default_artifact(), 4, rest)
+    if level == 0.0:
+        return lambda strain: own.read(strain, STEP)[0]
+    known, random, banks = own.read(healthy[None], STEP)[0][0], np.random.default_rng(seed), []
+    for k in range(4):
+        size, field = 0.05, int(random.integers(1 << 30))
+        for _ in range(4):
+            bank = SensorBank(perturbed(default_artifact(), size, field), 4, rest, own.parameters)
+            off = (bank.read(healthy[None], STEP)[0][0, k] - known[k]).std() / np.ptp(known[k])
+            if abs(off / level - 1.0) < 0.1:
+                break
+            size *= level / off
+        banks.append(bank)
+    return lambda strain: np.stack([bank.read(strain, STEP)[0][:, k] for k, bank in enumerate(banks)], axis=1)
+
+
+def judge(world: str, count: int) -> str:
+    """Fit all records of a world; return its line."""
+    damage, finer, sensors = cases(count), world.startswith(FINE), world.removeprefix(FINE)
+    mesh, thirds = (FINER, 3) if finer else (BILINEAR, 1)
+    histories = strain(np.vstack([np.zeros((1, 16)), damage]), membrane(mesh), 0.0, thirds=thirds)
+    artifact = calibrated_sensor()[0] if sensors == "specimen" else default_artifact()
+    twin = Twin(None if finer else square_structure(*BILINEAR), sensor=artifact)
+    rest = twin._sensed.require_bank().parameters["rest_strain"]
+    if sensors == "specimen":  # whose records have a noise of their own
+        values, noise = flown_resistance(histories[1:], STEP), None
+    else:
+        values = reader(LEVELS[sensors], 5, histories[0], rest)(histories)
+        noise = NOISE * float(np.ptp(values[0], axis=1).mean())
+        values = values[1:] + noise * np.random.default_rng(1).standard_normal(values[1:].shape)
+    clock = time.process_time()
+    answers = [twin.fit(ResponseRecord(step=STEP, values=each, kind="resistance", noise=noise)) for each in values]
+    seconds = (time.process_time() - clock) / count
+    error = np.array([answer.damage for answer in answers]) - damage
+    z = (error / np.array([answer.deviation for answer in answers]))[damage > 0.0]
+    size = 100.0 * np.abs(error)
+    return (
+        f"{world:12} {size.mean():6.3f} / {size[damage > 0.0].mean():6.3f}  worst {size.max():5.2f}  "
+        f"z {np.sqrt(np.mean(z**2)):5.2f}  valid {sum(answer.valid for answer in answers)} of {count}  "
+        f"chi2 {np.mean([answer.chi2_per_sample for answer in answers]):.3f}  {seconds:.1f} s"
+    )
+
+
+def main() -> None:
+    """Print the lines."""
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 6
+    print(f"error [% damage], all / damaged zones; {STEPS} samples")
+    for world in sys.argv[2:] or [*LEVELS, "specimen"]:
+        print(judge(world, count), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,247 @@
+r"""How far sensors are off their identified model, as unknown processes along what the model predicts.
+
+Symbols: ``u`` predicted resistance over its range [1], ``v`` rate of the predicted strain [1/s]; ``F`` features [ohm] of one
+sensor in some groups, ``t`` scale of each group [1], a share of the sensor's range; ``f`` features, ``s`` sensors,
+``n`` samples, ``h`` step [s]. The error of a sensor is :math:`\sum_g t_g \sum_i c_{gi} F_{gi}` with unknown c of the
+standard normal distribution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+import scipy.linalg
+from scipy.optimize import minimize
+
+from ..arrays import Matrix, Rows, Vector
+from .nuisances import spline_basis
+from .simulation import SensorBank
+
+POWERS = 3  # of the resistance
+DRIFTS, RESTS = 6, 80  # splines of what changes slowly, and of what is left
+MEMORIES = 4  # time constants, from ten steps to a third of the record
+RATES = (0.01, 0.1, 1.0)  # of the largest rate: where a dependence on the rate bends
+PLAYS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5)  # half-widths, of the range of the resistance
+KNOTS = 5  # of a field on a table, along its lines and across them
+# Median of the prior of each group's scale, of the range; the offset's of the change at full scale.
+GROUPS = dict.fromkeys(("offset", "shape", "drift", "rate", "memory", "play", "tables"), 0.03) | {"rest": 3e-3}
+BROAD = 3.0  # deviation of the logarithm of a scale
+SMALLEST, LARGEST = 1e-6, 1.0  # scale
+STEPS = 30  # of the search of the scales
+TINY = 1e-12
+Shares: TypeAlias = tuple[float | None, ...]
+Weighing: TypeAlias = Mapping[int, Callable[[Matrix], Matrix]]
+
+
+@dataclass(frozen=True, eq=False)
+class SensorError:
+    """Features of the error of each sensor, and their scales.
+
+    Attributes
+    ----------
+    bank : SensorBank
+        The sensors.
+    scales : ndarray, shape (s, groups)
+        Of each group of ``GROUPS`` [1].
+    resistance : ndarray, shape (s, n)
+        The prediction that it lies along [ohm].
+    features : ndarray, shape (f, s, n)
+        Along it [ohm].
+    group : ndarray of int, shape (f,)
+        Group of each feature.
+    """
+
+    bank: SensorBank
+    scales: Matrix
+    resistance: Matrix
+    features: Matrix
+    group: Rows
+
+    @classmethod
+    def along(
+        cls, bank: SensorBank, strain: Matrix, resistance: Matrix, h: float, scales: Matrix | None = None
+    ) -> SensorError:
+        """Return the error along a prediction.
+
+        Parameters
+        ----------
+        bank : SensorBank
+            The sensors.
+        strain, resistance : ndarray, shape (s, n)
+            What they feel [1] and read [ohm] at h, 2 h, ...
+        h : float
+            Step [s].
+        scales : ndarray, shape (s, groups), or None
+            Of each group [1]; None for those that are likeliest before a record.
+        """
+        groups = _features(bank, strain, resistance, h)
+        return cls(
+            bank,
+            np.tile(list(GROUPS.values()), (len(strain), 1)) if scales is None else scales,
+            resistance,
+            np.concatenate([groups[name] for name in GROUPS]),
+            np.repeat(np.arange(len(GROUPS)), [len(groups[name]) for name in GROUPS]),
+        )
+
+    @property
+    def components(self) -> Matrix:
+        """Features times their scales [ohm], shape (f, s, n); the outer products of a sensor's add up to its covariance."""
+        return np.asarray(self.features * self.scales.T[self.group][:, :, None])
+
+    def told(self, values: Matrix, weigh: Weighing) -> SensorError:
+        """Return the error with the scales that a record makes likeliest, sensor by sensor.
+
+        Parameters
+        ----------
+        values : ndarray, shape (s, n)
+            The record [ohm]; not a number where it has no value.
+        weigh : mapping of int to callable
+            Of each sensor that has values, from 0: turns rows of readings, shape (m, s, n), into independent numbers of
+            variance 1, shape (m, values), as far as noise, nuisances and an error of the mesh go.
+        """
+        scales = self.scales.copy()
+        for k, each in weigh.items():
+            r = each((values - self.resistance)[None])[0]
+            scales[k] = likeliest_scales(each(self.features), r, self.group, scales[k])
+        return replace(self, scales=scales)
+
+    def off(self, values: Matrix, reading: Matrix, weigh: Weighing) -> tuple[Shares, Shares]:
+        """Return how far sensors are likeliest off what they should read, beside an offset, and this offset [1].
+
+        Parameters
+        ----------
+        values, reading : ndarray, shape (s, n)
+            The record, and what the sensors would read by their model [ohm].
+        weigh : mapping of int to callable
+            As of ``told``.
+
+        Returns
+        -------
+        tuple of float or None, length s
+            Root mean square, as a share of the range of what it should read [1]; None of a sensor without values.
+        tuple of float or None, length s
+            Mean, likewise.
+        """
+        errors: list[float | None] = [None] * len(values)
+        offsets, components = errors.copy(), self.components
+        for k, each in weigh.items():
+            F, r = each(components), each((values - reading)[None])[0]
+            error = components[:, k].T @ np.linalg.solve(F @ F.T + np.eye(len(F)), F @ r) / np.ptp(reading[k])
+            errors[k], offsets[k] = float(error.std()), float(error.mean())
+        return tuple(errors), tuple(offsets)
+
+
+def likeliest_scales(F: Matrix, r: Vector, group: Rows, start: Vector) -> Vector:
+    r"""Return the scale of each group of features that makes residuals likeliest.
+
+    Parameters
+    ----------
+    F : ndarray, shape (f, n)
+        Features in units of the noise.
+    r : ndarray, shape (n,)
+        Residuals in units of the noise.
+    group : ndarray of int, shape (f,)
+        Group of each feature.
+    start : ndarray, shape (groups,)
+        Scales to start from.
+
+    Notes
+    -----
+    The largest marginal likelihood of :math:`r \sim N(0, I + F^T T^2 F)`, T the diagonal matrix of scales, times
+    the priors of the scales (type II maximum likelihood [1]_). With :math:`S = (I + T F F^T T)^{-1}` and the means
+    :math:`c = S T F r`, its derivative by :math:`\log t_i` is :math:`c_i^2 - 1 + S_{ii}`.
+
+    References
+    ----------
+    .. [1] D. J. C. MacKay, Neural Computation 4(3), 415-447, 1992, doi:10.1162/neco.1992.4.3.415.
+    """
+    G, b, median = F @ F.T, F @ r, np.log(list(GROUPS.values()))
+
+    def unlikely(log_scale: Vector) -> tuple[float, Vector]:
+        t, away = np.exp(log_scale)[group], (log_scale - median) / BROAD
+        A = t[:, None] * G * t
+        A[np.diag_indices_from(A)] += 1.0
+        factor = scipy.linalg.cho_factor(A, lower=True)
+        S = scipy.linalg.cho_solve(factor, np.eye(len(t)))
+        c = S @ (t * b)
+        value = np.log(np.diag(factor[0])).sum() - 0.5 * c @ (t * b) + 0.5 * away @ away
+        return float(value), np.bincount(group, 1.0 - np.diag(S) - c**2, len(median)) + away / BROAD
+
+    limits = [(np.log(SMALLEST), np.log(LARGEST))] * len(median)
+    found = minimize(unlikely, np.log(start), jac=True, method="L-BFGS-B", bounds=limits, options={"maxiter": STEPS})
+    return np.asarray(np.exp(found.x))
+
+
+def _features(bank: SensorBank, strain: Matrix, resistance: Matrix, h: float) -> dict[str, Matrix]:
+    """Return the features of each group, shape (f, s, n) [ohm]: those of a group have the size of the range together."""
+    from scipy.signal import lfilter  # slow to import
+
+    n = strain.shape[1]
+    rise = bank.parameters["full_scale_resistance_change"][:, None]
+    span = np.maximum(np.ptp(resistance, axis=1, keepdims=True), TINY * rise)
+    u = (resistance - resistance.mean(axis=1, keepdims=True)) / span
+    v = np.gradient(strain, h, axis=1)
+    powers = [u**p for p in range(POWERS + 1)]
+    time = np.arange(1.0, n + 1.0)
+    slow, fast = (spline_basis(time, float(n), max(4, min(count, n // 4))).T[:, None] for count in (DRIFTS, RESTS))
+    rates = [np.arcsinh(v / max(share * np.abs(v).max(), TINY)) for share in RATES]
+    constants = np.geomspace(10.0, max(20.0, n / 3.0), MEMORIES)
+    faded = [lfilter([h], [1.0, -np.exp(-1.0 / T)], np.maximum(sign * v, 0.0)) for T in constants for sign in (1.0, -1.0)]
+    half = np.array(PLAYS)
+    plays = np.moveaxis(fronts(u, 2.0 * half, half) - half, -1, 0)[:, :, 1:]
+    found = {
+        "shape": powers[1:],
+        "drift": [spline * power for spline in slow for power in powers],
+        "rate": [each for rate in rates for each in (rate, rate * u, np.abs(rate), np.abs(rate) * u)],
+        "memory": [each for faded_ in faded for each in (faded_, faded_ * u)],
+        "play": [each for play in plays for each in (play, play**2, play * u)],
+        "rest": np.broadcast_to(fast, (len(fast), *u.shape)),
+        "tables": _of_tables(bank, strain),
+    }
+    sized = {name: np.asarray(each) for name, each in found.items()}
+    for name, each in sized.items():
+        sized[name] = each / np.sqrt(len(each) * (each**2).mean(axis=2, keepdims=True) + TINY**2) * span
+    return {"offset": np.broadcast_to(rise, (1, *u.shape)), **sized}
+
+
+def fronts(x: Matrix, widths: Vector, start: Matrix | Vector) -> Matrix:
+    """Return the fronts of play operators at the start and along histories, shape (s, n + 1, lines): see ``move_fronts``.
+
+    Parameters
+    ----------
+    x : ndarray, shape (s, n)
+        Histories [1].
+    widths : ndarray, shape (lines,)
+        Widths of the operators [1].
+    start : ndarray, shape (lines,) or (s, lines)
+        Fronts before.
+    """
+    found = np.empty((len(x), x.shape[1] + 1, len(widths)))
+    found[:, 0] = start
+    for t, now in enumerate(x.T[:, :, None]):
+        found[:, t + 1] = np.maximum(now, np.minimum(now + widths, found[:, t]))
+    return found
+
+
+def _of_tables(bank: SensorBank, strain: Matrix) -> Matrix:
+    """Return what relative changes of the tables, smooth fields, add to the output along strain, shape (2 fields, s, n)."""
+    tables = bank.artifact.tables()
+    N = len(tables[0])
+    full, rest = (bank.parameters[name][:, None] for name in ("full_scale_strain", "rest_strain"))
+    widths = np.arange(N) / N
+    front = fronts(np.clip(strain / full, 0.0, 1.0), widths, np.maximum(rest / full, widths))
+    place, lines = np.minimum((N * front).astype(int), N - 1), np.arange(N)
+    hats = np.clip(1.0 - np.abs((lines[:, None] + 0.5) / N - np.linspace(0.0, 1.0, KNOTS)) * (KNOTS - 1), 0.0, 1.0)
+    found = []
+    for table, sign in zip(tables, (1.0, -1.0), strict=True):
+        for along in hats.T:
+            density = table * along
+            below = np.cumsum(density, axis=1) / N - density / N
+            weight = below[lines, place] + density[lines, place] * (front - place / N)  # of each line below its front
+            moved = np.where(sign * np.diff(front, axis=1) > 0.0, np.diff(weight, axis=1), 0.0)
+            start = weight[:, :1] if sign > 0.0 else np.zeros_like(weight[:, :1])
+            found += list(np.moveaxis((np.cumsum(moved, axis=1) + start) @ hats, 2, 0))
+    return np.asarray(found)
