@@ -14,13 +14,14 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from gossamer_models.membrane import square_structure
 from gossamer_models.sensor import SensorArtifact, default_artifact
 from gossamer_models.twin import ResponseRecord, Twin
 from gossamer_models.twin.simulation import SensorBank
 from numpy.typing import NDArray
 
 from .specimen.flight import calibrated_sensor, flown_resistance
-from .twin import BILINEAR, FINER, STEP, STEPS, membrane, square_structure, strain
+from .twin import BILINEAR, FINER, STEP, STEPS, membrane, strain
 
 Array = NDArray[np.float64]
 NOISE = 1e-3  # of the mean range

@@ -122,17 +122,19 @@ def search(
     Notes
     -----
     A start is followed to the end only where its early stages end below those of the best fit before: that is what finds
-    false minima. Where the first stage has one valley, and its bottom is hopeless from no damage, no others are tried.
+    false minima. One whose early stages end far above the expected chi2 waits for the other starts. Where the first stage has one valley, and its bottom is hopeless from no damage, no others are tried.
     They are tried, side by side, where nothing passes. Where there are few sensors they are tried too if chi2 of what passes
     is above the expected one, or without early stages, which have fewer valleys.
     """
-    whole, ends, hopeless = stages[-1], list[Fit](), False
+    whole, ends, going, hopeless = stages[-1], list[Fit](), list[_Begun](), False
     for damage in [*([] if given is None else [given]), np.zeros(whole.zones)]:
         begun = _begun(stages, damage, one_valley=one_valley)
         if begun is None:
             continue
         hopeless = begun.hopeless and not damage.any()
-        if not ends or begun.reached <= ends[-1].early_chi2 - THRESHOLD:
+        if begun.far and not hopeless:
+            going.append(begun)
+        elif not ends or begun.reached <= ends[-1].early_chi2 - THRESHOLD:
             ends += [fit for fit in [_ended(whole, begun, sparse=sparse)] if fit is not None]
         if hopeless or any(fit.passes for fit in ends):
             break
@@ -142,7 +144,7 @@ def search(
     if not hopeless and (doubtful or not passes):
         others = _others(stages[0])[: MORE_STARTS if passes and not stages[:-1] else MOST_STARTS]
         starts = _side_by_side(lambda damage: _begun(stages, damage, one_valley=one_valley), others)
-        going = [begun for begun in starts if begun is not None]
+        going += [begun for begun in starts if begun is not None]
         reached = min((fit.early_chi2 for fit in ends), default=np.inf) - THRESHOLD
         lowest = min((begun.reached for begun in going), default=np.inf) + THRESHOLD
         lower = [begun for begun in going if begun.reached <= min(reached, lowest)]
@@ -157,25 +159,33 @@ def search(
 
 @dataclass(frozen=True)
 class _Begun:
-    """Where the early stages have led: unknowns, smallest chi2 of the last one, and whether no damage explains them."""
+    """Where the early stages have led: unknowns, smallest chi2 of the last one, whether it is far above the expected one, and
+    whether no damage explains them.
+    """
 
     x: Vector
     reached: float
+    far: bool
     hopeless: bool
 
 
 def _begun(stages: Sequence[RecordProblem], damage: Vector, *, one_valley: bool) -> _Begun | None:
     """Follow a start through the early stages; None if the simulation fails."""
-    x, reached, hopeless = _unknowns(stages[-1], damage), np.inf, False
+    x, reached, far, hopeless = _unknowns(stages[-1], damage), np.inf, False, False
     try:
-        for stage in stages[:-1]:
+        for k, stage in enumerate(stages[:-1]):
             most = FEW_STEPS if hopeless else MOST_STEPS
-            point = descend(stage, x, np.ones(stage.size, dtype=bool), most, enough=ROUGH).point
+            free = np.ones(stage.size, dtype=bool)
+            point = descend(stage, x, free, most, enough=ROUGH).point
+            if stage.sensor_error is not None:
+                stage = stage.told(point)
+                point = descend(stage, point.x, free, most, enough=ROUGH).point
             x, reached = point.x, point.chi2
-            hopeless |= one_valley and stage is stages[0] and misfit(stage, point) > HOPELESS
+            far = misfit(stage, point) > HOPELESS
+            hopeless |= one_valley and k == 0 and far
     except ConvergenceError:
         return None
-    return _Begun(x, reached, hopeless)
+    return _Begun(x, reached, far, hopeless)
 
 
 def _ended(whole: RecordProblem, begun: _Begun, *, sparse: bool) -> Fit | None:
@@ -183,7 +193,11 @@ def _ended(whole: RecordProblem, begun: _Begun, *, sparse: bool) -> Fit | None:
     try:
         fit = _finish(whole, begun.x, begun.reached, sparse=sparse, hopeless=begun.hopeless)
         for _ in range(0 if whole.sensor_error is None or begun.hopeless else ROUNDS):
-            fit = _finish(fit.problem.told(fit.point), fit.point.x, begun.reached, sparse=sparse, hopeless=False)
+            told = fit.problem.told(fit.point)
+            there = told.points(fit.point.x[None])[0].chi2 + told.log_determinant
+            if there > fit.unlikely - ROUGH:
+                break
+            fit = _finish(told, fit.point.x, begun.reached, sparse=sparse, hopeless=False)
         return _with_rivals(fit) if sparse and fit.passes else fit
     except ConvergenceError:
         return None

@@ -39,6 +39,7 @@ from .problem import DamageUnknowns, RecordProblem
 from .reasons import likely_reason
 from .record import LEAST_SAMPLES, ResponseRecord, StaticRecord, Wiring, best_wiring, dead_sensors, other_wirings
 from .search import HOPELESS, ROUGH, Fit, box, chi2_bound, misfit, search
+from .sensor_error import Shares
 from .simulation import SensedForward
 from .zone_sets import alternatives, drop_zones
 
@@ -360,7 +361,9 @@ class Twin:
             error = self._mesh_error.of(problem.record)
             doubts += self._mesh_error.doubts(error)
             valid = valid and not error.buries
-        reading, shares, offsets = problem.reading(fit.point), (), ()
+        reading = problem.reading(fit.point)
+        shares: Shares = ()
+        offsets: Shares = ()
         if problem.sensor_error is not None:
             shares, offsets = problem.sensor_error.off(problem.record.values, reading, problem.weigh_alone)
         return Answer(
