@@ -21,7 +21,6 @@ from gossamer_models.membrane.square import stretch
 from gossamer_models.sensor import default_artifact
 from gossamer_models.step_model import StepModel
 from gossamer_models.twin import ResponseRecord, Twin
-from gossamer_models.twin.nuisances import BY_DEFAULT
 from gossamer_models.twin.simulation import SensorBank
 from numpy.typing import NDArray
 
@@ -108,7 +107,7 @@ ROWS = {
     "resistance": Row(
         "0.03 / 0.1",
         lambda d: resistance(d, BILINEAR),
-        lambda: Twin(square_structure(*BILINEAR), sensor=default_artifact(), known=BY_DEFAULT),
+        lambda: Twin(square_structure(*BILINEAR), sensor=default_artifact()),
         kind="resistance",
         noise=None,
     ),
@@ -119,7 +118,7 @@ ROWS = {
     "other sensor": Row(
         "",
         lambda d: flown_resistance(strain(d, membrane(DEFAULT), 0.0), STEP),
-        lambda: Twin(sensor=calibrated_sensor()[0], known=BY_DEFAULT, discrepancy=None),
+        lambda: Twin(sensor=calibrated_sensor()[0], discrepancy=None),
         kind="resistance",
         noise=None,
     ),

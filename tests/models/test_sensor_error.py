@@ -98,3 +98,24 @@ def test_damage_is_found_with_sensors_off_their_model_and_how_far_is_answered(sq
     assert answer.deviation.max() < 0.02
     np.testing.assert_allclose(answer.sensor_errors[:2], off[:2], rtol=0.2)
     assert max(answer.sensor_errors[2:]) < 2e-3
+
+
+def test_a_sensor_that_is_known_has_an_offset_and_a_gain_alone(square):
+    sensed, _, exact = square
+    twin = Twin(square_structure(4, 1), sensor=default_artifact(), known=["sensor"])
+    noise = 1e-3 * np.ptp(exact, axis=1)
+    values = exact + 0.1 * sensed.bank.parameters["full_scale_resistance_change"][:, None] * np.eye(4)[:, :1]
+    answer = twin.fit(ResponseRecord(step=3e-4, values=values, kind="resistance", noise=noise))
+    assert not answer.sensor_errors
+    assert answer.nuisances["offset[1]"][0] == pytest.approx(0.1, abs=2e-3)
+    np.testing.assert_allclose(answer.damage, DAMAGE, atol=5e-3)
+
+
+def test_swapped_sensors_are_no_error_of_the_sensors(square):
+    _, _, exact = square
+    noise = 1e-3 * np.ptp(exact, axis=1)
+    values = exact + noise[:, None] * np.random.default_rng(2).standard_normal(exact.shape)
+    twin = Twin(square_structure(4, 1), sensor=default_artifact())
+    answer = twin.fit(ResponseRecord(step=3e-4, values=values[[1, 0, 2, 3], :340], kind="resistance", noise=noise))
+    assert not answer.valid
+    assert any("swapped" in doubt for doubt in answer.doubts)

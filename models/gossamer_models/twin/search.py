@@ -122,9 +122,11 @@ def search(
     Notes
     -----
     A start is followed to the end only where its early stages end below those of the best fit before: that is what finds
-    false minima. One whose early stages end far above the expected chi2 waits for the other starts. Where the first stage has one valley, and its bottom is hopeless from no damage, no others are tried.
-    They are tried, side by side, where nothing passes. Where there are few sensors they are tried too if chi2 of what passes
-    is above the expected one, or without early stages, which have fewer valleys.
+    false minima. One whose early stages end above the bound of chi2 waits for the other starts; if all do, one is
+    followed for a few steps. Where the first stage
+    has one valley, and its bottom is hopeless from no damage, no others are tried. They are tried, side by side, where
+    nothing passes. Where there are few sensors they are tried too if chi2 of what passes is above the expected one, or
+    without early stages, which have fewer valleys.
     """
     whole, ends, going, hopeless = stages[-1], list[Fit](), list[_Begun](), False
     for damage in [*([] if given is None else [given]), np.zeros(whole.zones)]:
@@ -148,6 +150,8 @@ def search(
         reached = min((fit.early_chi2 for fit in ends), default=np.inf) - THRESHOLD
         lowest = min((begun.reached for begun in going), default=np.inf) + THRESHOLD
         lower = [begun for begun in going if begun.reached <= min(reached, lowest)]
+        if not ends and all(begun.far for begun in going):
+            lower = [replace(begun, hopeless=True) for begun in lower[:1]]
         found = _side_by_side(lambda begun: _ended(whole, begun, sparse=sparse), lower)
         ends += [fit for fit in found if fit is not None]
     if not ends:
@@ -159,9 +163,7 @@ def search(
 
 @dataclass(frozen=True)
 class _Begun:
-    """Where the early stages have led: unknowns, smallest chi2 of the last one, whether it is far above the expected one, and
-    whether no damage explains them.
-    """
+    """Where the early stages have led: unknowns, smallest chi2 of the last one, whether above its bound, and hopeless."""
 
     x: Vector
     reached: float
@@ -181,8 +183,8 @@ def _begun(stages: Sequence[RecordProblem], damage: Vector, *, one_valley: bool)
                 stage = stage.told(point)
                 point = descend(stage, point.x, free, most, enough=ROUGH).point
             x, reached = point.x, point.chi2
-            far = misfit(stage, point) > HOPELESS
-            hopeless |= one_valley and k == 0 and far
+            far = point.chi2 > chi2_bound(stage) * stage.values
+            hopeless |= one_valley and k == 0 and misfit(stage, point) > HOPELESS
     except ConvergenceError:
         return None
     return _Begun(x, reached, far, hopeless)

@@ -11,6 +11,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from threadpoolctl import threadpool_limits
 
 from ..arrays import Matrix, Rows
 from ..errors import DataError, ParameterError
@@ -46,6 +47,7 @@ from .zone_sets import alternatives, drop_zones
 EARLY = (0.6, 2.0)  # first periods of the first stages: early, chi2 has one valley; over two periods it has several
 VALLEY = 0.7  # first periods over which chi2 has one valley, at most
 MOST_STEPS = 5000  # internal steps that are compared, unless the record is said to be compared whole
+OFF = 0.2  # of the range: what an error of a sensor is said from
 UNLIKELY = 1e-4  # sets of zones whose covariance does not count
 
 
@@ -69,8 +71,9 @@ class Twin:
         What of the following is known exactly. By default all are fitted, each with a normal prior: ``offset`` and ``gain``
         of each sensor (deviation 0.02 of strain, or of the change of resistance at full scale; 2 %), the ``clock`` (5
         samples late), ``amplitude`` of every load that changes (10 %), ``frequency`` (5 %) of the built-in one, ``damping``
-        (a factor of 2), Young's ``modulus`` (2 %), ``density`` and ``prestrain`` (5 %). Beside a load by its name only
-        ``clock``, ``offset`` and ``gain`` are.
+        (a factor of 2), Young's ``modulus`` (2 %), ``density`` and ``prestrain`` (5 %); of resistance the error of each
+        ``sensor`` that is off its identified model, in place of offset and gain, see
+        ``SensorError``. Beside a load by its name only ``clock``, ``offset`` and ``gain``, or ``sensor``, are.
     sparse : bool
         Whether zones are dropped while chi2 rises by less than 9 for each.
     discrepancy : Discrepancy, "learned" or None
@@ -154,6 +157,10 @@ class Twin:
         ParameterError
             The record holds resistance and the twin has no sensor, or the start has another shape.
         """
+        with threadpool_limits(1):  # small matrices: waking other threads for them costs many times their work
+            return self._fit(record, start, report)
+
+    def _fit(self, record: ResponseRecord, start: ArrayLike | None, report: Callable[[float, int], None]) -> Answer:
         record, doubts = self._usable(record)
         given = None if start is None else np.clip(np.asarray(start, dtype=float), 0.0, MOST_DAMAGE)
         if given is not None and given.shape != (self.zones,):
@@ -175,8 +182,8 @@ class Twin:
         if minima:
             reached = ", ".join(f"{each.per_sample:.4g}" for each in minima)
             doubts.append(
-                f"{1 + len(minima)} minima were found; the one with the smallest chi2 per sample was taken, "
-                f"{fit.per_sample:.4g} against {reached}"
+                f"{1 + len(minima)} minima were found; the likeliest was taken. Chi2 per sample is {fit.per_sample:.4g}; "
+                f"of the others {reached}"
             )
         unresolved = _unresolved(fit)
         groups = alike(without_nuisances(fit.model.A, self.zones))
@@ -366,6 +373,11 @@ class Twin:
         offsets: Shares = ()
         if problem.sensor_error is not None:
             shares, offsets = problem.sensor_error.off(problem.record.values, reading, problem.weigh_alone)
+            doubts += [
+                f"sensor {k} is {100.0 * share:.2g} % of its range off its model. Check its place, or identify it again"
+                for k, share in enumerate(shares, 1)
+                if share is not None and share > OFF
+            ]
         return Answer(
             zones=self._forward.zones,
             damage=x[:zones][groups],
