@@ -85,7 +85,7 @@ def judge(world: str, count: int) -> str:
     mesh, thirds = (FINER, 3) if finer else (BILINEAR, 1)
     histories = strain(np.vstack([np.zeros((1, 16)), damage]), membrane(mesh), 0.0, thirds=thirds)
     artifact = calibrated_sensor()[0] if sensors == "specimen" else default_artifact()
-    twin = Twin(None if finer else square_structure(*BILINEAR), sensor=artifact)
+    twin = Twin(None if finer else square_structure(*BILINEAR), sensor=artifact, nuisances=["sensor"])
     rest = twin._sensed.require_bank().parameters["rest_strain"]
     if sensors == "specimen":  # whose records have a noise of their own
         values, noise = flown_resistance(histories[1:], STEP), None

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from gossamer_models.errors import ParameterError
 from gossamer_models.membrane import square_structure
 from gossamer_models.sensor import default_artifact
 from gossamer_models.twin import MembraneForward, ResponseRecord, Twin
@@ -91,7 +92,7 @@ def test_damage_is_found_with_sensors_off_their_model_and_how_far_is_answered(sq
     assert off[:2].min() > 0.01
     noise = 1e-3 * np.ptp(exact, axis=1)
     values = values + noise[:, None] * np.random.default_rng(2).standard_normal(exact.shape)
-    twin = Twin(square_structure(4, 1), sensor=default_artifact())
+    twin = Twin(square_structure(4, 1), sensor=default_artifact(), nuisances=["sensor"])
     answer = twin.fit(ResponseRecord(step=3e-4, values=values, kind="resistance", noise=noise))
     assert answer.valid
     np.testing.assert_allclose(answer.damage, DAMAGE, atol=5e-3)
@@ -100,9 +101,9 @@ def test_damage_is_found_with_sensors_off_their_model_and_how_far_is_answered(sq
     assert max(answer.sensor_errors[2:]) < 2e-3
 
 
-def test_a_sensor_that_is_known_has_an_offset_and_a_gain_alone(square):
+def test_by_default_a_sensor_has_an_offset_and_a_gain_alone(square):
     sensed, _, exact = square
-    twin = Twin(square_structure(4, 1), sensor=default_artifact(), known=["sensor"])
+    twin = Twin(square_structure(4, 1), sensor=default_artifact())
     noise = 1e-3 * np.ptp(exact, axis=1)
     values = exact + 0.1 * sensed.bank.parameters["full_scale_resistance_change"][:, None] * np.eye(4)[:, :1]
     answer = twin.fit(ResponseRecord(step=3e-4, values=values, kind="resistance", noise=noise))
@@ -111,11 +112,19 @@ def test_a_sensor_that_is_known_has_an_offset_and_a_gain_alone(square):
     np.testing.assert_allclose(answer.damage, DAMAGE, atol=5e-3)
 
 
-def test_swapped_sensors_are_no_error_of_the_sensors(square):
+def test_no_answer_is_valid_where_a_sensor_is_far_off_its_model(square):
     _, _, exact = square
     noise = 1e-3 * np.ptp(exact, axis=1)
     values = exact + noise[:, None] * np.random.default_rng(2).standard_normal(exact.shape)
-    twin = Twin(square_structure(4, 1), sensor=default_artifact())
-    answer = twin.fit(ResponseRecord(step=3e-4, values=values[[1, 0, 2, 3], :340], kind="resistance", noise=noise))
+    values[0] += exact[0] - exact[0, 0]
+    twin = Twin(square_structure(4, 1), sensor=default_artifact(), nuisances=["sensor"])
+    answer = twin.fit(ResponseRecord(step=3e-4, values=values[:, :400], kind="resistance", noise=noise))
     assert not answer.valid
-    assert any("swapped" in doubt for doubt in answer.doubts)
+    assert answer.sensor_errors[0] > 0.2
+    assert any("sensor 1 is" in doubt for doubt in answer.doubts)
+
+
+def test_sensors_of_strain_have_no_error_of_their_own(square):
+    _, strain, _ = square
+    with pytest.raises(ParameterError, match="'sensor' is fitted to records of resistance"):
+        Twin(square_structure(4, 1), nuisances=["sensor"]).fit(ResponseRecord(step=3e-4, values=strain[0]))

@@ -47,7 +47,7 @@ from .zone_sets import alternatives, drop_zones
 EARLY = (0.6, 2.0)  # first periods of the first stages: early, chi2 has one valley; over two periods it has several
 VALLEY = 0.7  # first periods over which chi2 has one valley, at most
 MOST_STEPS = 5000  # internal steps that are compared, unless the record is said to be compared whole
-OFF = 0.2  # of the range: what an error of a sensor is said from
+OFF = 0.2  # of the range: no answer is valid where a sensor is further off its model
 UNLIKELY = 1e-4  # sets of zones whose covariance does not count
 
 
@@ -66,14 +66,14 @@ class Twin:
         Parameters of the sensors that differ from their start values; they rest at the strain of the undamaged structure.
     nuisances : sequence of str
         What is fitted beside the damages and what is fitted by default: ``phase`` of the built-in load (deviation of its
-        normal prior 0.1 rad), or a load by its name, for instance ``pressure`` (any, a spline in time that is added).
+        normal prior 0.1 rad), a load by its name, for instance ``pressure`` (any, a spline in time that is added), or
+        ``sensor``, of resistance: how far each sensor is off its identified model, see ``SensorError``.
     known : sequence of str
         What of the following is known exactly. By default all are fitted, each with a normal prior: ``offset`` and ``gain``
         of each sensor (deviation 0.02 of strain, or of the change of resistance at full scale; 2 %), the ``clock`` (5
         samples late), ``amplitude`` of every load that changes (10 %), ``frequency`` (5 %) of the built-in one, ``damping``
-        (a factor of 2), Young's ``modulus`` (2 %), ``density`` and ``prestrain`` (5 %); of resistance the error of each
-        ``sensor`` that is off its identified model, in place of offset and gain, see
-        ``SensorError``. Beside a load by its name only ``clock``, ``offset`` and ``gain``, or ``sensor``, are.
+        (a factor of 2), Young's ``modulus`` (2 %), ``density`` and ``prestrain`` (5 %). Beside a load by its name, only
+        ``clock``, ``offset`` and ``gain`` are; beside ``sensor``, all but ``offset`` and ``gain``.
     sparse : bool
         Whether zones are dropped while chi2 rises by less than 9 for each.
     discrepancy : Discrepancy, "learned" or None
@@ -227,6 +227,9 @@ class Twin:
         """Return a record without dead sensors, and what is missing in it."""
         if record.kind == "resistance":
             self._sensed.require_bank()
+        elif SENSOR in self.nuisances:
+            msg = f"{SENSOR!r} is fitted to records of resistance, and this one holds strain. Leave it out."
+            raise ParameterError(msg)
         if len(record.values) != self.sensors:
             shape = f"({self.sensors}, n), not {record.values.shape}"
             msg = f"a record needs one row for each of {self.sensors} sensors, shape {shape}"
@@ -269,10 +272,8 @@ class Twin:
     def _kinds(self, record: ResponseRecord, *, wider: bool = False) -> tuple[str, ...]:
         """Return the nuisances that are fitted; wider: all that act on the record."""
         given = possible(self._forward.parameters, Loads(record.start, record.inputs))
-        static = isinstance(record, StaticRecord)
-        left_out = {*OF_MOTION} if static else set[str]()
-        of_sensor = record.kind == "resistance" and not static and SENSOR not in self.known
-        left_out |= {*OF_SENSOR} if of_sensor else {SENSOR}
+        left_out = {SENSOR, *(OF_MOTION if isinstance(record, StaticRecord) else ())}
+        left_out |= {*OF_SENSOR} if SENSOR in self.nuisances else set()
         if not wider:
             left_out |= {*self.known} | ({*NAMES} - {*BY_DEFAULT})
             left_out |= {*FACTORS} if {*self.nuisances} & {*self._forward.inputs} else set()  # any load explains any of them
@@ -378,6 +379,13 @@ class Twin:
                 for k, share in enumerate(shares, 1)
                 if share is not None and share > OFF
             ]
+            valid = valid and max(share or 0.0 for share in shares) <= OFF
+            if self.discrepancy is not None:
+                valid = False
+                doubts.append(
+                    "the error of the mesh was learned of strain. Behind sensors that are off their model it is not known, "
+                    "so no answer is valid"
+                )
         return Answer(
             zones=self._forward.zones,
             damage=x[:zones][groups],
