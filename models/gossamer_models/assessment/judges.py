@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 
 OF_TWIN = ("twin", "membrane", "sensor", "batch")  # rooms that its answers depend on
 Signal = Literal["strain", "resistance"]
-LOAD_AND_SENSORS = ("offset", "gain", "amplitude", "frequency", "damping", "modulus")  # what a twin can fit along
 SLOW = 8  # records that are judged, then kept, at a time
 
 
@@ -261,14 +260,14 @@ def shipped_judges() -> list[Judge]:
 
 
 def twin_judges(most: int, sizes: int, structure: Structure | None = None) -> tuple[TwinJudge, ...]:
-    """Return the twins: one that fits damage and offsets; of the square one with load and sensors, one on resistance.
+    """Return the twins: one on strain, and of the square one on resistance.
 
     Parameters
     ----------
     most : int
         Records of a condition that each has time for.
     sizes : int
-        Sizes of damage in each zone that the first and the last have time for.
+        Sizes of damage in each zone that each has time for.
     structure : Structure, optional
         Another membrane than the square; then the first one alone.
     """
@@ -280,7 +279,6 @@ def twin_judges(most: int, sizes: int, structure: Structure | None = None) -> tu
     resistance = Twin(sensor=default_artifact())
     return (
         TwinJudge(Twin(), most=most, sizes=sizes),
-        TwinJudge(Twin(nuisances=LOAD_AND_SENSORS), name="twin, load and sensors fitted", most=most, sizes=0),
         TwinJudge(resistance, name="twin on resistance", reads="resistance", most=most, sizes=sizes),
     )
 
