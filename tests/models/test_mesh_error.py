@@ -89,3 +89,12 @@ def test_what_was_simulated_is_kept(coarse, errors, monkeypatch):
     first = errors.of(made).components
     monkeypatch.setattr(mesh_error, "MembraneForward", None)
     assert np.array_equal(MeshErrors(coarse).of(made).components, first)
+
+
+def test_the_error_behind_sensors_is_one_of_what_they_read(coarse):
+    made = record(coarse, np.zeros(4), 1e-5)
+    behind = MeshErrors(coarse).of(made, lambda strain: (1.0 + 50.0 * strain) ** 2)
+    one, two = (
+        MembraneForward(each).states(np.zeros((1, 4)), {}, {"pressure": PRESSURE})[0] for each in (coarse, coarse.finer())
+    )
+    np.testing.assert_allclose(behind.finer[0], (1.0 + 50.0 * two) ** 2 - (1.0 + 50.0 * one) ** 2, rtol=1e-3, atol=1e-7)

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Matrix, Rows, Vector
-from .record import ResponseRecord
+from .record import ResponseRecord, Wiring
+from .search import Fit, box, chi2_bound
+from .sensor_error import Shares
+from .zone_sets import alternatives, drop_zones
 
 DETERMINED = 0.02  # deviation of a damage that is answered with a value
 WIDTH = 1.96  # deviations to each side of the bounds, 95 %
+UNLIKELY = 1e-4  # sets of zones whose covariance does not count
+OFF = 0.2  # of the range: no answer is valid where a sensor is further off its model
 OF_ZONES = ("damage", "deviation", "probability", "covariance", "bounds")
 
 
@@ -121,3 +129,102 @@ class Answer:
         if not shown:
             return found | dict.fromkeys(OF_ZONES)
         return found | {"damage": [None if np.isnan(value) else value for value in self.value.tolist()]}
+
+
+def answer_of(
+    fit: Fit,
+    doubts: Sequence[str],
+    more: Sequence[str],
+    wiring: Wiring | None,
+    unresolved: tuple[int, ...],
+    *,
+    sparse: bool,
+    hidden: bool,
+) -> Answer:
+    """Return what a fit says.
+
+    Parameters
+    ----------
+    fit : Fit
+        Of the record.
+    doubts, more : sequence of str
+        Sentences that stand first, and those on the error of the mesh.
+    wiring : Wiring or None
+        How the record was read, unless as it is.
+    unresolved : tuple of int
+        Zones, from 1, that the record cannot tell by themselves.
+    sparse : bool
+        Whether zones were dropped.
+    hidden : bool
+        Whether the error of the mesh forbids a valid answer.
+    """
+    problem, kept, zones, groups = fit.problem, fit.kept, fit.problem.zones, fit.problem.groups
+    A, x = fit.model.A, fit.point.x
+    limits = box(problem, x)
+    likely = fit.likely if sparse else alternatives(fit.model, limits, drop_zones(fit.model, limits)[0])
+    spread = likely.spread if sparse else np.zeros_like(A)
+    sets = zip(likely.weight, likely.kept, strict=True) if sparse else [(1.0, kept)]
+    covariance = spread + sum(weight * covariance_of(A, some) for weight, some in sets if weight > UNLIKELY)
+    deviation = np.sqrt(np.diag(covariance)).copy()
+    for k in np.flatnonzero(~kept):
+        alone = kept.copy()
+        alone[k] = True
+        deviation[k] = math.sqrt(covariance_of(A, alone)[k, k] + spread[k, k])
+    damages = covariance[:zones, :zones].copy()
+    np.fill_diagonal(damages, deviation[:zones] ** 2)
+    per_sample, bound = fit.per_sample, chi2_bound(problem)
+    said, valid = list(doubts), fit.passes and not hidden and (wiring is None or not wiring.moved)
+    if not fit.passes:
+        said.append(
+            f"the twin does not explain the record: chi2 per sample is {per_sample:.3g}, its bound {bound:.3g}. Check "
+            "load, damping, sensors and noise"
+        )
+    said += [*problem.nuisances.far(x[zones:]), *more]
+    reading = problem.reading(fit.point)
+    shares: Shares = ()
+    offsets: Shares = ()
+    if problem.sensor_error is not None:
+        shares, offsets = problem.sensor_error.off(problem.record.values, reading, problem.weigh_alone)
+        said += [
+            f"sensor {k} is {100.0 * share:.2g} % of its range off its model. Check its place, or identify it again"
+            for k, share in enumerate(shares, 1)
+            if share is not None and share > OFF
+        ]
+        valid = valid and max(share or 0.0 for share in shares) <= OFF
+    return Answer(
+        zones=problem.model.zones,
+        damage=x[:zones][groups],
+        deviation=deviation[:zones][groups],
+        probability=likely.probability[:zones][groups],
+        covariance=damages[np.ix_(groups, groups)],
+        nuisances=problem.nuisances.values(x[zones:], deviation[zones:]),
+        sensor_errors=shares,
+        sensor_offsets=offsets,
+        chi2_per_sample=per_sample,
+        chi2_bound=bound,
+        valid=valid,
+        unresolved=unresolved,
+        together_with=_together(groups, problem.model.zones),
+        left_out=tuple(k + 1 for k in range(problem.model.sensors) if k not in problem.record.sensors),
+        order=tuple(k + 1 for k in (range(problem.model.sensors) if wiring is None else wiring.order)),
+        doubts=tuple(said),
+        samples=problem.values,
+        simulations=problem.simulations,
+        record=problem.record,
+        predicted=reading,
+    )
+
+
+def _together(groups: NDArray[np.int64], names: Sequence[str]) -> tuple[tuple[str, ...], ...]:
+    """Return the names of the other zones of the group of each."""
+    return tuple(
+        tuple(names[other] for other in np.flatnonzero(groups == group).tolist() if other != zone)
+        for zone, group in enumerate(groups.tolist())
+    )
+
+
+def covariance_of(A: Matrix, free: Rows) -> Matrix:
+    """Invert the curvature over some unknowns; zero elsewhere."""
+    full = np.zeros_like(A)
+    full[np.ix_(free, free)] = np.linalg.pinv(A[np.ix_(free, free)], hermitian=True)
+    return full

@@ -1,7 +1,7 @@
 r"""How far the strain of a mesh is from that of a finer one, and what that means for damages fitted on it.
 
 Symbols: ``m`` pairs of simulations, ``s`` sensors, ``n`` samples or load states, ``z`` zones; ``delta`` strain of the finer
-mesh less that of the twin's [1]; ``J`` derivatives of the strain by the damages [1].
+mesh less that of the twin's [1], or resistance that sensors read of them [ohm]; ``J`` its derivatives by the damages.
 
 Pairs with random damages under the loads of the record tell the covariance of the error: an offset of each sensor, the
 largest principal components of all pairs, and what is left of pairs that had no part in them, as a stationary process of
@@ -29,6 +29,7 @@ from .least_squares import DAMAGE_STEP
 from .problem import RecordWeights
 from .record import ResponseRecord, StaticRecord
 
+VERSION = 2  # of what is kept
 PAIRS, STILL_FINER = 32, 8  # simulations with random damage, and how many of them on a still finer mesh
 MOST_NODES = 6000  # of a still finer mesh: else hours
 LARGEST = 5  # principal components of all sensors together
@@ -50,15 +51,15 @@ class MeshError:
     Attributes
     ----------
     strain : ndarray, shape (s, n)
-        Of the undamaged membrane [1].
+        Of the undamaged membrane [1], or resistance [ohm] all through.
     slopes : ndarray, shape (z, s, n)
-        Its derivatives by the damages [1].
+        Its derivatives by the damages.
     finer : ndarray, shape (m, s, n)
-        What the finer mesh adds [1]; first of the undamaged membrane.
+        What the finer mesh adds; first of the undamaged membrane.
     still_finer : ndarray, shape (k, s, n)
         What a still finer one adds to the twin's mesh, of the first k; none where it is too large.
     noise : ndarray, shape (s,)
-        Standard deviation of the record's strain [1].
+        Standard deviation of the record.
     static : bool
         Whether these are states, not samples.
     """
@@ -178,10 +179,17 @@ class MeshErrors:
         report: Report = lambda *_: None,
     ) -> None:
         self.structure, self.parameters, self._report = structure, dict(parameters or {}), report
-        self._known: dict[tuple[str, bytes], MeshError] = {}
+        self._known: dict[tuple[str, str, bytes], MeshError] = {}
 
-    def of(self, record: ResponseRecord) -> MeshError:
-        """Return the error under the loads of a record.
+    def of(self, record: ResponseRecord, read: Callable[[Matrix], Matrix] = np.asarray) -> MeshError:
+        """Return the error under the loads of a record, in its unit.
+
+        Parameters
+        ----------
+        record : ResponseRecord
+            Loads, step and length.
+        read : callable
+            What its sensors read of strain, shape (m, s, n).
 
         Raises
         ------
@@ -190,16 +198,19 @@ class MeshErrors:
         """
         noise = record.noise_deviation()
         key = self._key(record)
-        known = key, noise.tobytes()
+        known = key, record.kind, noise.tobytes()
         if known not in self._known:
             file = kept_library([key], ".npz", lambda: self._simulated(record), "the error of a mesh")
             with np.load(file, allow_pickle=False) as arrays:
-                found = {name: arrays[name].astype(float) for name in ("strain", "slopes", "finer", "still_finer")}
-            if record.kind == "resistance":  # strain with as much noise in its change
-                change = [
-                    _rms(_moving(row[np.isfinite(row)])) if np.isfinite(row).any() else math.nan for row in record.values
-                ]
-                noise = noise * np.sqrt(np.mean(_moving(found["strain"]) ** 2, axis=1)) / np.array(change)
+                near, own, finer, still_finer = (
+                    read(arrays[name].astype(float)) if arrays[name].size else arrays[name] for name in arrays.files
+                )
+            found = {
+                "strain": near[0],
+                "slopes": (near[1:] - near[0]) / DAMAGE_STEP,
+                "finer": finer - own,
+                "still_finer": still_finer - own[: len(still_finer)],
+            }
             noise = noise * math.sqrt(record.states / record.samples)  # a state is read several times
             noise = np.where(noise > 0.0, noise, np.nanmax(noise))  # of sensors that are left out
             self._known[known] = MeshError(**found, noise=noise, static=isinstance(record, StaticRecord))
@@ -233,7 +244,9 @@ class MeshErrors:
         digest = hashlib.sha256()
         setup, mesh = self.structure.setup, self.structure.mesh
         loads = [*sorted(record.inputs.items()), *sorted(record.start.items()), *sorted(self.parameters.items())]
-        parts = [repr((setup, record.step, record.states, record.samples, type(record).__name__, PAIRS, STILL_FINER))]
+        parts = [
+            repr((setup, record.step, record.states, record.samples, type(record).__name__, PAIRS, STILL_FINER, VERSION))
+        ]
         parts += [name for name, _ in loads]
         arrays = [mesh.nodes, *(block.elements for block in mesh.blocks), *(np.asarray(value) for _, value in loads)]
         arrays += [self._finer.mesh.nodes, *self._finer.unit_forces.values()]
@@ -252,15 +265,10 @@ class MeshErrors:
         plan = [(self.structure, np.vstack([near, damage]), "as it is"), (self._finer, damage, "finer")]
         plan += [(still, damage[:STILL_FINER], "still finer")] * small
         found = [self._strain(structure, rows, record, name) for structure, rows, name in plan]
-        strain, own = found[0][0], found[0][1 + z :]
-        arrays = {
-            "strain": strain,
-            "slopes": (found[0][1 : 1 + z] - strain) / DAMAGE_STEP,
-            "finer": found[1] - own,
-            "still_finer": found[2] - own[:STILL_FINER] if small else np.zeros((0, *strain.shape)),
-        }
+        near, own = found[0][: 1 + z], found[0][1 + z :]
+        kept = [near, own, found[1], found[2] if small else own[:0]]
         content = io.BytesIO()
-        np.savez(content, **{name: value.astype(np.float32) for name, value in arrays.items()})
+        np.savez(content, *(each.astype(np.float32) for each in kept))
         return content.getvalue()
 
     def _strain(self, structure: Structure, damage: Matrix, record: ResponseRecord, name: str) -> Matrix:

@@ -195,7 +195,7 @@ class RecordProblem(DamageUnknowns, LeastSquares):
     groups : ndarray of int, shape (zones,), or None
         Which unknown each zone's damage is, from 0; None for one each.
     error : ndarray, shape (k, s, n or more), or None
-        Components of an error of the model, strain [1] at the samples, or in the states of a static record.
+        Components of an error of the model without a discrepancy, in the record's unit, at the samples or in the states.
     report : callable, optional
         Called before each group of simulations with the length of the record [s] and the simulations that were made.
 
@@ -222,11 +222,13 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         self._zero, self._scale = sensed.scale(record.kind)
         self.simulations, self._report, self._counting = 0, report, Lock()
         self._noise, self._splines, self.sensor_error = noise, None, None
-        if discrepancy is not None:
-            error = discrepancy.basis(record.samples, record.step)
-            self._splines = spline_matrix(record.samples, record.step, discrepancy.length)
         undamaged = require_finite(self._strain(np.zeros((1, self.size)))) if record.kind == "resistance" else None
-        self._components = np.zeros((0, *record.values.shape)) if error is None else self._as_read(error, undamaged)
+        self._components = np.zeros((0, *record.values.shape))
+        if discrepancy is not None:
+            self._splines = spline_matrix(record.samples, record.step, discrepancy.length)
+            self._components = self._as_read(discrepancy.basis(record.samples, record.step), undamaged)
+        elif error is not None:
+            self._components = error[:, :, record.state if isinstance(record, StaticRecord) else slice(record.samples)]
         if undamaged is not None and SENSOR in nuisances.kinds:
             self.sensor_error = self._error_along(undamaged, self.sensed.resistance(undamaged, record.step)[0])
         self._weigh_anew()
@@ -301,14 +303,10 @@ class RecordProblem(DamageUnknowns, LeastSquares):
 
     def _as_read(self, error: Matrix, strain: Matrix | None) -> Matrix:
         """Return components of an error of strain in the unit of the record, at its samples; about a strain."""
-        record = self.record
-        if isinstance(record, StaticRecord):
-            return error[:, :, record.state]
-        error = error[:, :, : record.samples]
         if strain is None:
             return error
-        strain = strain[:, :, : record.samples]
-        both = self.sensed.resistance(np.concatenate([strain, strain + error]), record.step)
+        strain = strain[:, :, : self.record.samples]
+        both = self.sensed.resistance(np.concatenate([strain, strain + error]), self.record.step)
         return both[1:] - both[:1]
 
     def _read(self, predicted: Matrix, z: Matrix) -> Matrix:

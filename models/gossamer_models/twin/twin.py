@@ -7,17 +7,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
-from ..arrays import Matrix, Rows
+from ..arrays import Matrix
 from ..errors import DataError, ParameterError
 from ..membrane import Structure
 from ..sensor import SensorArtifact
-from .answer import Answer
+from .answer import Answer, answer_of, covariance_of
 from .discrepancy import Discrepancy, default_discrepancy, is_learned
 from .forward import Forward, forward_of
 from .groups import UNRESOLVED, alike, untold, without_nuisances
@@ -39,16 +40,16 @@ from .nuisances import (
 from .problem import DamageUnknowns, RecordProblem
 from .reasons import likely_reason
 from .record import LEAST_SAMPLES, ResponseRecord, StaticRecord, Wiring, best_wiring, dead_sensors, other_wirings
-from .search import HOPELESS, ROUGH, Fit, box, chi2_bound, misfit, search
-from .sensor_error import Shares
+from .search import HOPELESS, ROUGH, Fit, misfit, search
 from .simulation import SensedForward
-from .zone_sets import alternatives, drop_zones
 
 EARLY = (0.6, 2.0)  # first periods of the first stages: early, chi2 has one valley; over two periods it has several
 VALLEY = 0.7  # first periods over which chi2 has one valley, at most
 MOST_STEPS = 5000  # internal steps that are compared, unless the record is said to be compared whole
-OFF = 0.2  # of the range: no answer is valid where a sensor is further off its model
-UNLIKELY = 1e-4  # sets of zones whose covariance does not count
+BEHIND = (
+    "the error of the mesh was learned of strain. Behind sensors that are off their model it is not known, so no answer "
+    "is valid"
+)
 
 
 class Twin:
@@ -321,9 +322,13 @@ class Twin:
             record.noise_deviation(),
             self.discrepancy,
             groups,
-            None if self._mesh_error is None else self._mesh_error.of(compared).components,
+            None if self._mesh_error is None else self._mesh_error.of(compared, partial(self._read, compared)).components,
             report,
         )
+
+    def _read(self, record: ResponseRecord, strain: Matrix) -> Matrix:
+        """Return what sensors read of strain, shape (m, s, n), in the unit of a record."""
+        return strain if record.kind == "strain" else self._sensed.resistance(strain, record.step)
 
     def _other_wiring(self, record: ResponseRecord, fit: Fit, report: Callable[[float, int], None]) -> Wiring | None:
         """Return another reading of a record that does not fit as it is, or None if none fits either."""
@@ -343,89 +348,18 @@ class Twin:
         return found
 
     def _answer(self, fit: Fit, doubts: list[str], wiring: Wiring | None, unresolved: tuple[int, ...]) -> Answer:
-        problem, kept, zones, groups = fit.problem, fit.kept, fit.problem.zones, fit.problem.groups
-        A, x = fit.model.A, fit.point.x
-        limits = box(problem, x)
-        likely = fit.likely if self.sparse else alternatives(fit.model, limits, drop_zones(fit.model, limits)[0])
-        spread = likely.spread if self.sparse else np.zeros_like(A)
-        sets = zip(likely.weight, likely.kept, strict=True) if self.sparse else [(1.0, kept)]
-        covariance = spread + sum(weight * _covariance(A, some) for weight, some in sets if weight > UNLIKELY)
-        deviation = np.sqrt(np.diag(covariance)).copy()
-        for k in np.flatnonzero(~kept):
-            alone = kept.copy()
-            alone[k] = True
-            deviation[k] = math.sqrt(_covariance(A, alone)[k, k] + spread[k, k])
-        damages = covariance[:zones, :zones].copy()
-        np.fill_diagonal(damages, deviation[:zones] ** 2)
-        per_sample, bound = fit.per_sample, chi2_bound(problem)
-        valid = fit.passes and (wiring is None or not wiring.moved)
-        if not fit.passes:
-            doubts.append(
-                f"the twin does not explain the record: chi2 per sample is {per_sample:.3g}, its bound {bound:.3g}. Check "
-                "load, damping, sensors and noise"
-            )
-        doubts += problem.nuisances.far(x[zones:])
+        more, hidden = list[str](), False
         if self._mesh_error is not None and self.discrepancy is None:
-            error = self._mesh_error.of(problem.record)
-            doubts += self._mesh_error.doubts(error)
-            valid = valid and not error.buries
-        reading = problem.reading(fit.point)
-        shares: Shares = ()
-        offsets: Shares = ()
-        if problem.sensor_error is not None:
-            shares, offsets = problem.sensor_error.off(problem.record.values, reading, problem.weigh_alone)
-            doubts += [
-                f"sensor {k} is {100.0 * share:.2g} % of its range off its model. Check its place, or identify it again"
-                for k, share in enumerate(shares, 1)
-                if share is not None and share > OFF
-            ]
-            valid = valid and max(share or 0.0 for share in shares) <= OFF
-            if self.discrepancy is not None:
-                valid = False
-                doubts.append(
-                    "the error of the mesh was learned of strain. Behind sensors that are off their model it is not known, "
-                    "so no answer is valid"
-                )
-        return Answer(
-            zones=self._forward.zones,
-            damage=x[:zones][groups],
-            deviation=deviation[:zones][groups],
-            probability=likely.probability[:zones][groups],
-            covariance=damages[np.ix_(groups, groups)],
-            nuisances=problem.nuisances.values(x[zones:], deviation[zones:]),
-            sensor_errors=shares,
-            sensor_offsets=offsets,
-            chi2_per_sample=per_sample,
-            chi2_bound=bound,
-            valid=valid,
-            unresolved=unresolved,
-            together_with=_together(groups, self._forward.zones),
-            left_out=tuple(k + 1 for k in range(self.sensors) if k not in problem.record.sensors),
-            order=tuple(k + 1 for k in (range(self.sensors) if wiring is None else wiring.order)),
-            doubts=tuple(doubts),
-            samples=problem.values,
-            simulations=problem.simulations,
-            record=problem.record,
-            predicted=reading,
-        )
+            record = fit.problem.record
+            error = self._mesh_error.of(record, partial(self._read, record))
+            more, hidden = self._mesh_error.doubts(error), error.buries
+        if fit.problem.sensor_error is not None and self.discrepancy is not None:
+            more.append(BEHIND)
+            hidden = True
+        return answer_of(fit, doubts, more, wiring, unresolved, sparse=self.sparse, hidden=hidden)
 
 
 def _unresolved(fit: Fit) -> tuple[int, ...]:
     """Return the zones, from 1, whose own damage the record cannot tell."""
-    everything = np.sqrt(np.diag(_covariance(fit.model.A, np.ones(len(fit.model.g), dtype=bool))))[: fit.problem.zones]
+    everything = np.sqrt(np.diag(covariance_of(fit.model.A, np.ones(len(fit.model.g), dtype=bool))))[: fit.problem.zones]
     return tuple(int(k) + 1 for k in np.flatnonzero(everything > UNRESOLVED * PRIOR_DEVIATION))
-
-
-def _together(groups: NDArray[np.int64], names: Sequence[str]) -> tuple[tuple[str, ...], ...]:
-    """Return the names of the other zones of the group of each."""
-    return tuple(
-        tuple(names[other] for other in np.flatnonzero(groups == group).tolist() if other != zone)
-        for zone, group in enumerate(groups.tolist())
-    )
-
-
-def _covariance(A: Matrix, free: Rows) -> Matrix:
-    """Invert the curvature over some unknowns; zero elsewhere."""
-    full = np.zeros_like(A)
-    full[np.ix_(free, free)] = np.linalg.pinv(A[np.ix_(free, free)], hermitian=True)
-    return full
