@@ -31,6 +31,7 @@ Array = NDArray[np.float64]
 STEP, STEPS = 3e-4, 1000
 NOISE = 0.02  # of strain, uniform from 0 [1]
 RESISTANCE_NOISE = 1e-3  # of the change at full scale
+HEAD = "error [% damage], all / damaged zones, worst; z rms, share within 1.96; valid; chi2 per sample; CPU time a fit"
 
 
 @dataclass(frozen=True)
@@ -44,12 +45,12 @@ class Row:
     noise: float | None = NOISE / np.sqrt(12.0)
 
 
-def cases(count: int, seed: int = 7) -> Array:
-    """Draw damages, shape (count, 16)."""
+def cases(count: int, seed: int = 7, most: int = 4) -> Array:
+    """Draw damages of one to some zones, shape (count, 16)."""
     random = np.random.default_rng(seed)
     damage = np.zeros((count, 16))
     for row in damage:
-        zones = random.choice(16, random.integers(1, 5), replace=False)
+        zones = random.choice(16, random.integers(1, most + 1), replace=False)
         row[zones] = random.uniform(0.05, 0.5, zones.size)
     return damage
 
@@ -127,16 +128,18 @@ ROWS = {
 
 def judge(row: Row, damage: Array) -> str:
     """Fit all cases of a row; return its line of the table."""
-    twin, records = row.twin(), row.make(damage)
+    return fitted(row.twin(), row.make(damage), damage, row.kind, row.noise)
+
+
+def fitted(twin: Twin, records: Array, damage: Array, kind: Literal["strain", "resistance"], noise: float | None) -> str:
+    """Fit a record for each row of damage; return a line of the table."""
     clock = time.process_time()
-    answers = [twin.fit(ResponseRecord(step=STEP, values=values, kind=row.kind, noise=row.noise)) for values in records]
+    answers = [twin.fit(ResponseRecord(step=STEP, values=values, kind=kind, noise=noise)) for values in records]
     seconds = (time.process_time() - clock) / len(records)
-    found = np.array([a.damage for a in answers])
-    deviation = np.array([a.deviation for a in answers])
-    error, damaged = found - damage, damage > 0.0
-    z = (error / deviation)[damaged]
+    error, damaged = np.array([a.damage for a in answers]) - damage, damage > 0.0
+    size, z = 100.0 * np.abs(error), (error / np.array([a.deviation for a in answers]))[damaged]
     return (
-        f"{100 * np.abs(error).mean():7.3f} / {100 * np.abs(error[damaged]).mean():6.3f}  {np.sqrt(np.mean(z**2)):5.2f} "
+        f"{size.mean():7.3f} / {size[damaged].mean():6.3f}  {size.max():6.2f}  {np.sqrt(np.mean(z**2)):5.2f} "
         f"{100 * np.mean(np.abs(z) < 1.96):5.0f} %  {sum(a.valid for a in answers):3d} of {len(answers):3d}  "
         f"{np.mean([a.chi2_per_sample for a in answers]):6.3f}  {seconds:6.2f} s"
     )
@@ -145,7 +148,7 @@ def judge(row: Row, damage: Array) -> str:
 def main() -> None:
     """Print the table."""
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 16
-    print("error [% damage], all / damaged zones; z rms, share within 1.96; valid; chi2 per sample; CPU time a fit")
+    print(HEAD)
     for name in sys.argv[2:] or ROWS:
         print(f"{name:20} {judge(ROWS[name], cases(count))}   asked: {ROWS[name].asked or '-'}", flush=True)
 
