@@ -73,6 +73,7 @@ def test_a_sensor_that_keeps_to_its_model_has_small_scales_and_one_that_does_not
 @pytest.fixture(scope="module")
 def square():
     """The square on a small mesh, what its strain is with two damaged zones, and what its sensors read."""
+    pytest.importorskip("ziglang", reason="the twin needs the compiler for its speed")
     sensed = SensedForward(MembraneForward(square_structure(4, 1)), default_artifact())
     strain = sensed.forward.strain(DAMAGE[None], {}, {}, 600, 3e-4)
     return sensed, strain, sensed.resistance(strain, 3e-4)[0]
@@ -80,7 +81,6 @@ def square():
 
 def test_damage_is_found_with_sensors_off_their_model_and_how_far_is_answered(square):
     """The tables of two sensors are up to a third off; the twin knows neither which nor how far."""
-    pytest.importorskip("ziglang", reason="the twin needs the compiler for its speed")
     sensed, strain, exact = square
     place = np.arange(len(sensed.bank.artifact.mu)) / len(sensed.bank.artifact.mu)
     factor = 1.0 + 0.3 * np.cos(3.0 * place[:, None]) * np.cos(4.0 * place)

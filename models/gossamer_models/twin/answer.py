@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Matrix, Rows, Vector
+from .groups import UNRESOLVED
+from .least_squares import PRIOR_DEVIATION
 from .record import ResponseRecord, Wiring
 from .search import Fit, box, chi2_bound
 from .sensor_error import Shares
@@ -164,12 +166,12 @@ def answer_of(
     likely = fit.likely if sparse else alternatives(fit.model, limits, drop_zones(fit.model, limits)[0])
     spread = likely.spread if sparse else np.zeros_like(A)
     sets = zip(likely.weight, likely.kept, strict=True) if sparse else [(1.0, kept)]
-    covariance = spread + sum(weight * covariance_of(A, some) for weight, some in sets if weight > UNLIKELY)
+    covariance = spread + sum(weight * _covariance(A, some) for weight, some in sets if weight > UNLIKELY)
     deviation = np.sqrt(np.diag(covariance)).copy()
     for k in np.flatnonzero(~kept):
         alone = kept.copy()
         alone[k] = True
-        deviation[k] = math.sqrt(covariance_of(A, alone)[k, k] + spread[k, k])
+        deviation[k] = math.sqrt(_covariance(A, alone)[k, k] + spread[k, k])
     damages = covariance[:zones, :zones].copy()
     np.fill_diagonal(damages, deviation[:zones] ** 2)
     per_sample, bound = fit.per_sample, chi2_bound(problem)
@@ -215,6 +217,12 @@ def answer_of(
     )
 
 
+def untold_zones(fit: Fit) -> tuple[int, ...]:
+    """Return the zones, from 1, whose own damage the record cannot tell."""
+    everything = np.sqrt(np.diag(_covariance(fit.model.A, np.ones(len(fit.model.g), dtype=bool))))[: fit.problem.zones]
+    return tuple(int(k) + 1 for k in np.flatnonzero(everything > UNRESOLVED * PRIOR_DEVIATION))
+
+
 def _together(groups: NDArray[np.int64], names: Sequence[str]) -> tuple[tuple[str, ...], ...]:
     """Return the names of the other zones of the group of each."""
     return tuple(
@@ -223,7 +231,7 @@ def _together(groups: NDArray[np.int64], names: Sequence[str]) -> tuple[tuple[st
     )
 
 
-def covariance_of(A: Matrix, free: Rows) -> Matrix:
+def _covariance(A: Matrix, free: Rows) -> Matrix:
     """Invert the curvature over some unknowns; zero elsewhere."""
     full = np.zeros_like(A)
     full[np.ix_(free, free)] = np.linalg.pinv(A[np.ix_(free, free)], hermitian=True)

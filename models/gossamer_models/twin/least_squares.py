@@ -153,7 +153,10 @@ class LeastSquares(ABC):
 
     def points(self, x: Matrix) -> list[Point]:
         """Simulate rows of unknowns, shape (m, n)."""
-        predicted = self.predict(x)
+        return self.judged(x, self.predict(x))
+
+    def judged(self, x: Matrix, predicted: Matrix) -> list[Point]:
+        """Compare what rows of unknowns, shape (m, n), predict with the record."""
         r = self.y - self.weigh(predicted, x)
         chi2 = np.einsum("ij,ij->i", r, r) + np.sum(self.prior * x**2, axis=1)
         return [Point(*row) for row in zip(x, predicted, r, np.where(np.isfinite(chi2), chi2, np.inf), strict=True)]

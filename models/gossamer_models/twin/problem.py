@@ -222,7 +222,8 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         self._zero, self._scale = sensed.scale(record.kind)
         self.simulations, self._report, self._counting = 0, report, Lock()
         self._noise, self._splines, self.sensor_error = noise, None, None
-        undamaged = require_finite(self._strain(np.zeros((1, self.size)))) if record.kind == "resistance" else None
+        behind = record.kind == "resistance" and (discrepancy is not None or SENSOR in nuisances.kinds)
+        undamaged = require_finite(self._strain(np.zeros((1, self.size)))) if behind else None
         self._components = np.zeros((0, *record.values.shape))
         if discrepancy is not None:
             self._splines = spline_matrix(record.samples, record.step, discrepancy.length)
@@ -275,8 +276,7 @@ class RecordProblem(DamageUnknowns, LeastSquares):
 
     def predict(self, x: Matrix) -> Matrix:
         """Return strain or resistance without gain, offset and delay, shape (m, s, n or more)."""
-        strain = self._strain(x)
-        return strain if self.record.kind == "strain" else self.sensed.resistance(strain, self.record.step)
+        return self.sensed.read(self._strain(x), self.record.kind, self.record.step)
 
     def weigh(self, predicted: Matrix, x: Matrix) -> Matrix:
         """Weigh what sensors with gain, offset and delay read, shape (m, values)."""

@@ -196,7 +196,7 @@ def _ended(whole: RecordProblem, begun: _Begun, *, sparse: bool) -> Fit | None:
         fit = _finish(whole, begun.x, begun.reached, sparse=sparse, hopeless=begun.hopeless)
         for _ in range(0 if whole.sensor_error is None or begun.hopeless else ROUNDS):
             told = fit.problem.told(fit.point)
-            there = told.points(fit.point.x[None])[0].chi2 + told.log_determinant
+            there = told.judged(fit.point.x[None], fit.point.predicted[None])[0].chi2 + told.log_determinant
             if there > fit.unlikely - ROUGH:
                 break
             fit = _finish(told, fit.point.x, begun.reached, sparse=sparse, hopeless=False)

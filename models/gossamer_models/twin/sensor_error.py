@@ -14,9 +14,11 @@ from typing import TypeAlias
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from ..arrays import Matrix, Rows, Vector
+from ..arrays import Matrix, Vector
+from ..sensor.fit.regression import fronts, switched
 from .nuisances import spline_basis
 from .simulation import SensorBank
 
@@ -42,8 +44,6 @@ class SensorError:
 
     Attributes
     ----------
-    bank : SensorBank
-        The sensors.
     scales : ndarray, shape (s, groups)
         Of each group of ``GROUPS`` [1].
     resistance : ndarray, shape (s, n)
@@ -54,11 +54,10 @@ class SensorError:
         Group of each feature.
     """
 
-    bank: SensorBank
     scales: Matrix
     resistance: Matrix
     features: Matrix
-    group: Rows
+    group: NDArray[np.int64]
 
     @classmethod
     def along(
@@ -79,7 +78,6 @@ class SensorError:
         """
         groups = _features(bank, strain, resistance, h)
         return cls(
-            bank,
             np.tile(list(GROUPS.values()), (len(strain), 1)) if scales is None else scales,
             resistance,
             np.concatenate([groups[name] for name in GROUPS]),
@@ -100,7 +98,7 @@ class SensorError:
             The record [ohm]; not a number where it has no value.
         weigh : mapping of int to callable
             Of each sensor that has values, from 0: turns rows of readings, shape (m, s, n), into independent numbers of
-            variance 1, shape (m, values), as far as noise, nuisances and an error of the mesh go.
+            variance 1, shape (m, values), as far as noise and an error of the mesh go.
         """
         scales = self.scales.copy()
         for k, each in weigh.items():
@@ -134,7 +132,7 @@ class SensorError:
         return tuple(errors), tuple(offsets)
 
 
-def likeliest_scales(F: Matrix, r: Vector, group: Rows, start: Vector) -> Vector:
+def likeliest_scales(F: Matrix, r: Vector, group: NDArray[np.int64], start: Vector) -> Vector:
     r"""Return the scale of each group of features that makes residuals likeliest.
 
     Parameters
@@ -191,7 +189,7 @@ def _features(bank: SensorBank, strain: Matrix, resistance: Matrix, h: float) ->
     constants = np.geomspace(10.0, max(20.0, n / 3.0), MEMORIES)
     faded = [lfilter([h], [1.0, -np.exp(-1.0 / T)], np.maximum(sign * v, 0.0)) for T in constants for sign in (1.0, -1.0)]
     half = np.array(PLAYS)
-    plays = np.moveaxis(fronts(u, 2.0 * half, half) - half, -1, 0)[:, :, 1:]
+    plays = np.moveaxis(fronts(u, 2.0 * half, half) - half, -1, 0)
     found = {
         "shape": powers[1:],
         "drift": [spline * power for spline in slow for power in powers],
@@ -207,41 +205,16 @@ def _features(bank: SensorBank, strain: Matrix, resistance: Matrix, h: float) ->
     return {"offset": np.broadcast_to(rise, (1, *u.shape)), **sized}
 
 
-def fronts(x: Matrix, widths: Vector, start: Matrix | Vector) -> Matrix:
-    """Return the fronts of play operators at the start and along histories, shape (s, n + 1, lines): see ``move_fronts``.
-
-    Parameters
-    ----------
-    x : ndarray, shape (s, n)
-        Histories [1].
-    widths : ndarray, shape (lines,)
-        Widths of the operators [1].
-    start : ndarray, shape (lines,) or (s, lines)
-        Fronts before.
-    """
-    found = np.empty((len(x), x.shape[1] + 1, len(widths)))
-    found[:, 0] = start
-    for t, now in enumerate(x.T[:, :, None]):
-        found[:, t + 1] = np.maximum(now, np.minimum(now + widths, found[:, t]))
-    return found
-
-
 def _of_tables(bank: SensorBank, strain: Matrix) -> Matrix:
     """Return what relative changes of the tables, smooth fields, add to the output along strain, shape (2 fields, s, n)."""
-    tables = bank.artifact.tables()
-    N = len(tables[0])
-    full, rest = (bank.parameters[name][:, None] for name in ("full_scale_strain", "rest_strain"))
-    widths = np.arange(N) / N
-    front = fronts(np.clip(strain / full, 0.0, 1.0), widths, np.maximum(rest / full, widths))
-    place, lines = np.minimum((N * front).astype(int), N - 1), np.arange(N)
-    hats = np.clip(1.0 - np.abs((lines[:, None] + 0.5) / N - np.linspace(0.0, 1.0, KNOTS)) * (KNOTS - 1), 0.0, 1.0)
+    N = bank.artifact.n_lines
+    full, rest = (bank.parameters[name] for name in ("full_scale_strain", "rest_strain"))
+    hats = np.clip(1.0 - np.abs((np.arange(N)[:, None] + 0.5) / N * (KNOTS - 1) - np.arange(KNOTS)), 0.0, 1.0)
+    i, k = np.triu_indices(N)
+    fields = (hats[k][:, :, None] * hats[i][:, None]).reshape(len(i), -1)
+    weights = [table[i, k][:, None] * fields for table in bank.artifact.tables()]
     found = []
-    for table, sign in zip(tables, (1.0, -1.0), strict=True):
-        for along in hats.T:
-            density = table * along
-            below = np.cumsum(density, axis=1) / N - density / N
-            weight = below[lines, place] + density[lines, place] * (front - place / N)  # of each line below its front
-            moved = np.where(sign * np.diff(front, axis=1) > 0.0, np.diff(weight, axis=1), 0.0)
-            start = weight[:, :1] if sign > 0.0 else np.zeros_like(weight[:, :1])
-            found += list(np.moveaxis((np.cumsum(moved, axis=1) + start) @ hats, 2, 0))
-    return np.asarray(found)
+    for each in np.clip(np.column_stack([rest, strain]) / full[:, None], 0.0, 1.0):  # from rest
+        moved = zip(switched(each, N), weights, strict=True)
+        found.append(np.hstack([lengths[1:] @ weight for lengths, weight in moved]).T)
+    return np.stack(found, axis=1)

@@ -191,6 +191,10 @@ class SensedForward:
         known = self.require_bank().parameters
         return known["rest_resistance"][:, None], known["full_scale_resistance_change"][:, None]
 
+    def read(self, strain: Matrix, kind: str, h: float) -> Matrix:
+        """Return what sensors read of strain, shape (m, s, n), in the unit of a kind of record."""
+        return strain if kind == "strain" else self.resistance(strain, h)
+
     def resistance(self, strain: Matrix, h: float) -> Matrix:
         """Return the resistance [ohm] of sensors under strain, shape (m, s, n); not a number where a case failed."""
         return self.require_bank().read(strain, h)[0]

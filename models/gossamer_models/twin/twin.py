@@ -14,16 +14,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
-from ..arrays import Matrix
 from ..errors import DataError, ParameterError
 from ..membrane import Structure
 from ..sensor import SensorArtifact
-from .answer import Answer, answer_of, covariance_of
+from .answer import Answer, answer_of, untold_zones
 from .discrepancy import Discrepancy, default_discrepancy, is_learned
 from .forward import Forward, forward_of
-from .groups import UNRESOLVED, alike, untold, without_nuisances
-from .least_squares import MOST_DAMAGE, PRIOR_DEVIATION, descend
-from .mesh_error import MeshErrors
+from .groups import alike, untold, without_nuisances
+from .least_squares import MOST_DAMAGE, descend
+from .mesh_error import MeshError, MeshErrors
 from .nuisances import (
     BY_DEFAULT,
     FACTORS,
@@ -186,7 +185,7 @@ class Twin:
                 f"{1 + len(minima)} minima were found; the likeliest was taken. Chi2 per sample is {fit.per_sample:.4g}; "
                 f"of the others {reached}"
             )
-        unresolved = _unresolved(fit)
+        unresolved = untold_zones(fit)
         groups = alike(without_nuisances(fit.model.A, self.zones))
         if fit.passes and groups.max() + 1 < self.zones:  # those that the record cannot tell apart have one damage
             whole = self._problem(record, report, groups)
@@ -322,13 +321,15 @@ class Twin:
             record.noise_deviation(),
             self.discrepancy,
             groups,
-            None if self._mesh_error is None else self._mesh_error.of(compared, partial(self._read, compared)).components,
+            None if (error := self._error_of(compared)) is None else error.components,
             report,
         )
 
-    def _read(self, record: ResponseRecord, strain: Matrix) -> Matrix:
-        """Return what sensors read of strain, shape (m, s, n), in the unit of a record."""
-        return strain if record.kind == "strain" else self._sensed.resistance(strain, record.step)
+    def _error_of(self, record: ResponseRecord) -> MeshError | None:
+        """Return the error of the mesh under the loads of a record, where no discrepancy stands for it."""
+        if self._mesh_error is None or self.discrepancy is not None:
+            return None
+        return self._mesh_error.of(record, partial(self._sensed.read, kind=record.kind, h=record.step))
 
     def _other_wiring(self, record: ResponseRecord, fit: Fit, report: Callable[[float, int], None]) -> Wiring | None:
         """Return another reading of a record that does not fit as it is, or None if none fits either."""
@@ -349,17 +350,9 @@ class Twin:
 
     def _answer(self, fit: Fit, doubts: list[str], wiring: Wiring | None, unresolved: tuple[int, ...]) -> Answer:
         more, hidden = list[str](), False
-        if self._mesh_error is not None and self.discrepancy is None:
-            record = fit.problem.record
-            error = self._mesh_error.of(record, partial(self._read, record))
+        if self._mesh_error is not None and (error := self._error_of(fit.problem.record)) is not None:
             more, hidden = self._mesh_error.doubts(error), error.buries
         if fit.problem.sensor_error is not None and self.discrepancy is not None:
             more.append(BEHIND)
             hidden = True
         return answer_of(fit, doubts, more, wiring, unresolved, sparse=self.sparse, hidden=hidden)
-
-
-def _unresolved(fit: Fit) -> tuple[int, ...]:
-    """Return the zones, from 1, whose own damage the record cannot tell."""
-    everything = np.sqrt(np.diag(covariance_of(fit.model.A, np.ones(len(fit.model.g), dtype=bool))))[: fit.problem.zones]
-    return tuple(int(k) + 1 for k in np.flatnonzero(everything > UNRESOLVED * PRIOR_DEVIATION))

@@ -156,17 +156,29 @@ def switched(strain: Vector, n_lines: int) -> tuple[Matrix, Matrix]:
         Length of every cell (i, k >= i), in the order of ``numpy.triu_indices``, that has switched so far [1].
     """
     width = np.arange(n_lines) / n_lines
-    fronts = np.empty((strain.size, n_lines))
-    front = np.maximum(width, strain[0])
-    for row, s in enumerate(strain):
-        front = np.maximum(s, np.minimum(s + width, front))  # the play operator of ``hysteresis.move_fronts``
-        fronts[row] = front
     i, k = np.triu_indices(n_lines)
-    filled = np.clip(fronts[:, i] - k / n_lines, 0.0, 1.0 / n_lines)
+    filled = np.clip(fronts(strain, width, np.maximum(width, strain[0]))[:, i] - k / n_lines, 0.0, 1.0 / n_lines)
     moved = np.diff(filled, axis=0)
     up = np.cumsum(np.vstack([filled[:1], np.maximum(moved, 0.0)]), axis=0)
     down = np.cumsum(np.vstack([0.0 * filled[:1], np.maximum(-moved, 0.0)]), axis=0)
     return up, down
+
+
+def fronts(x: Matrix, widths: Vector, start: Vector) -> Matrix:
+    """Return the fronts of play operators along histories, shape (..., m, lines): see ``hysteresis.move_fronts``.
+
+    Parameters
+    ----------
+    x : ndarray, shape (..., m)
+        Histories [1].
+    widths, start : ndarray, shape (lines,)
+        Widths of the operators, and fronts before [1].
+    """
+    found, front = np.empty((*x.shape, len(widths))), start
+    for t in range(x.shape[-1]):
+        now = x[..., t, None]
+        found[..., t, :] = front = np.maximum(now, np.minimum(now + widths, front))
+    return found
 
 
 def relaxed(time: Vector, strain: Vector, rates: Vector, drives: tuple[Drive, ...]) -> Matrix:
