@@ -17,12 +17,7 @@ DATA = DOCS.parents[1] / "shared" / "data"
 
 def main() -> None:
     """Compute everything and write the page."""
-    columns = (
-        TextColumn("{task.description:>30}"),
-        BarColumn(),
-        TextColumn("{task.completed:.0f}"),
-        TimeElapsedColumn(),
-    )
+    columns = (TextColumn("{task.description:>30}"), BarColumn(), TextColumn("{task.completed:.0f}"), TimeElapsedColumn())
     with Progress(*columns) as progress:
         task = progress.add_task("fits", total=None)
 

@@ -35,9 +35,7 @@ def pytest_addoption(parser):
     )
     parser.addoption("--measure", action="store_true", help="measure in full what tests/bench runs in a short form")
     parser.addoption(
-        "--kills",
-        type=int,
-        help="how often each command is killed, at another moment each time; a few times by default",
+        "--kills", type=int, help="how often each command is killed, at another moment each time; a few times by default"
     )
 
 

@@ -102,10 +102,7 @@ def test_the_demo_runs_in_another_folder_with_what_make_demo_installs(installed,
 
 def test_what_it_writes_is_read_in_python(installed, tmp_path):
     script = "import gossamer; print(*gossamer.build('sensor', out='fmus'), gossamer.verify('fmus/sensor.fmu').passed)"
-    assert run(tmp_path, installed("all") / "python", "-c", script, capture_output=True).stdout.split() == [
-        "sensor",
-        "True",
-    ]
+    assert run(tmp_path, installed("all") / "python", "-c", script, capture_output=True).stdout.split() == ["sensor", "True"]
 
 
 def test_the_light_install_runs_identifies_and_fits_the_twin(installed, tmp_path):

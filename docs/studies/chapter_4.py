@@ -129,10 +129,7 @@ def _datasets(results: Results, pictures: Path) -> str:
     for k, record in enumerate(results.specimen[0].records):
         curves = [
             Curve(
-                label=f"M = P = {row.modes}",
-                values=row.predicted[k],
-                colour=LOOKS[row.modes][0],
-                style=LOOKS[row.modes][1],
+                label=f"M = P = {row.modes}", values=row.predicted[k], colour=LOOKS[row.modes][0], style=LOOKS[row.modes][1]
             )
             for row in results.specimen
         ]

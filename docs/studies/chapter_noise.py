@@ -69,10 +69,7 @@ def _wrong_matrix(cases: Sequence[Case]) -> list[str]:
         if case.target is not None:
             cell = f"{cell} ({number(case.over_runs('over_stated'))}), {_reached(rms <= case.target)}"
         rows.setdefault(case.how, {})[case.eta_error] = cell
-    head = (
-        f"method, target {WRONG_ETA_TARGET:g} % of full scale",
-        *(f"η wrong by {100 * error:+g} %" for error in errors),
-    )
+    head = (f"method, target {WRONG_ETA_TARGET:g} % of full scale", *(f"η wrong by {100 * error:+g} %" for error in errors))
     return table(head, [(name, *(row.get(error, "-") for error in errors)) for name, row in rows.items()])
 
 

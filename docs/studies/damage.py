@@ -132,24 +132,14 @@ def _pair(truth: NDArray[np.float64], said: NDArray[np.float64] | None) -> str:
 
 
 def _conditions(assessment: AssessmentResults) -> list[str]:
-    lines = [
-        "",
-        "## Random cases under other conditions",
-        "",
-        "Errors, and in brackets the share of valid records [%].",
-        "",
-    ]
+    lines = ["", "## Random cases under other conditions", "", "Errors, and in brackets the share of valid records [%].", ""]
     named = list(dict.fromkeys(row.condition for row in assessment.rows))
     damaged, healthy = ([name for name in named if name.startswith("healthy") == which] for which in (False, True))
     lines += table(("condition", *assessment.judges), _rows(assessment, damaged, _errors))
     lines += ["", "Healthy records with a call [% of records], and its upper 95 % bound:", ""]
     lines += table(("condition", *assessment.judges), _rows(assessment, healthy, _false_calls))
     mesh = assessment.provenance.get("another mesh", "-")
-    return [
-        *lines,
-        "",
-        f"*Another mesh*: truth from {mesh}. The other conditions are those of this program's own world.",
-    ]
+    return [*lines, "", f"*Another mesh*: truth from {mesh}. The other conditions are those of this program's own world."]
 
 
 def _rows(assessment: AssessmentResults, conditions: Sequence[str], cell: Cell) -> Iterator[Sequence[str]]:
@@ -180,15 +170,7 @@ def _detection(assessment: AssessmentResults) -> list[str]:
         "chosen so that 1 % of one half of the healthy records are called; "
         "false calls are counted in the other half. a90/95 as in MIL-HDBK-1823A; sizes in % damage; none: above 100 %."
     )
-    head = (
-        "method",
-        "condition",
-        "call",
-        "false calls [%]",
-        "a90/95, all zones together",
-        "best zone",
-        "worst zone",
-    )
+    head = ("method", "condition", "call", "false calls [%]", "a90/95, all zones together", "best zone", "worst zone")
     body = []
     for judge in assessment.judges:
         for condition in dict.fromkeys(row.condition for row in assessment.detections):

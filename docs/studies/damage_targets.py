@@ -66,10 +66,7 @@ TARGETS = (
         for condition in ("noise", "everything varied", "dead sensor", "swapped sensors", "whole chain")
     ),
 )
-DETECTION = {
-    "noise": 5.0,
-    "whole chain": 1.5,
-}  # largest a90/95 of any zone [% damage], by the beginning of the condition
+DETECTION = {"noise": 5.0, "whole chain": 1.5}  # largest a90/95 of any zone [% damage], by the beginning of the condition
 Line = tuple[str, str, float, Metric | None]
 
 

@@ -18,10 +18,7 @@ LIMITS = (  # pattern of a metric, and why it misses its target; the first match
         "The noise of the meter is 1.2 to 1.7 % of the range, and no forward model predicts the relaxation after peaks "
         "better than this; no residual network does either.",
     ),
-    (
-        r"defaults",
-        "The sensor drifts on in the test stretch, farther than training shows.",
-    ),
+    (r"defaults", "The sensor drifts on in the test stretch, farther than training shows."),
     (
         r"Dataset-2.*sub-model",
         "The sub-models of model-2 are linear in strain, and the specimen is not. We assume that the strain in "

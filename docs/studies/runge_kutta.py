@@ -35,9 +35,7 @@ def runge_kutta_membrane(elements_per_side: int, order: int) -> StepModel:
     q3, v3 = rate(q + h / 2.0 * q2, v + h / 2.0 * v2, half)
     q4, v4 = rate(q + h * q3, v + h * v3, end)
     x_next = ca.vertcat(
-        q + h / 6.0 * (q1 + 2.0 * q2 + 2.0 * q3 + q4),
-        v + h / 6.0 * (v1 + 2.0 * v2 + 2.0 * v3 + v4),
-        end - ca.floor(end),
+        q + h / 6.0 * (q1 + 2.0 * q2 + 2.0 * q3 + q4), v + h / 6.0 * (v1 + 2.0 * v2 + 2.0 * v3 + v4), end - ca.floor(end)
     )
     _, y = verlet.step(x_next, u, p, 0.0)
     step = ca.Function("step", [x, u, p, h], [x_next, y])

@@ -40,10 +40,7 @@ def run_speed(neighbours: int = 4, evaluations: int = 1000) -> list[Metric]:
     bounds = problem.lower[free], problem.upper[free]
     start = np.clip(np.concatenate([b.start for b in fit.blocks]), problem.lower, problem.upper)
     rng = np.random.default_rng(0)
-    starts = [
-        start[free],
-        *(np.clip(start[free] + 1e-9 * rng.normal(size=free.sum()), *bounds) for _ in range(neighbours)),
-    ]
+    starts = [start[free], *(np.clip(start[free] + 1e-9 * rng.normal(size=free.sum()), *bounds) for _ in range(neighbours))]
 
     def residual(q: Vector) -> Vector:
         x = start.copy()

@@ -26,11 +26,7 @@ SAMPLES, READINGS = 400, 10
 NOISE = 1e-4  # of strain, a sample [1]
 BEFORE, WINDOWS = 12, 18  # windows before the one in which damage begins, and in all
 WRONG_LOAD = 0.03
-TUBE = {
-    "base_acceleration[2]": (40.0, 25.0),
-    "base_acceleration[3]": (40.0, 40.0),
-    "base_acceleration[1]": (20.0, 60.0),
-}
+TUBE = {"base_acceleration[2]": (40.0, 25.0), "base_acceleration[3]": (40.0, 40.0), "base_acceleration[1]": (20.0, 60.0)}
 
 
 def shipped(name: str) -> Structure:

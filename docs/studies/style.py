@@ -19,13 +19,7 @@ from PIL import Image
 Vector = NDArray[np.float64]
 
 MEASURED, FITTED_STRETCH = "0.55", "0.93"
-BLUE, RED, GREEN, ORANGE, SKY = (
-    "#0072B2",
-    "#D55E00",
-    "#009E73",
-    "#E69F00",
-    "#56B4E9",
-)  # Okabe and Ito, colour-blind-safe
+BLUE, RED, GREEN, ORANGE, SKY = ("#0072B2", "#D55E00", "#009E73", "#E69F00", "#56B4E9")  # Okabe and Ito, colour-blind-safe
 COMPENSATORS = {  # colour and marker
     "exact inverse": (RED, "s"),
     "dead band of 3 deviations": (ORANGE, "^"),

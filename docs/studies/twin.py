@@ -100,11 +100,7 @@ ROWS = {
     "clean": Row(
         "0.000", lambda d: strain(d, membrane(BILINEAR), 0.0), lambda: Twin(square_structure(*BILINEAR)), noise=1e-6
     ),
-    "load": Row(
-        "0.3 / 1.5",
-        lambda d: strain(d, membrane(BILINEAR), load=True),
-        lambda: Twin(square_structure(*BILINEAR)),
-    ),
+    "load": Row("0.3 / 1.5", lambda d: strain(d, membrane(BILINEAR), load=True), lambda: Twin(square_structure(*BILINEAR))),
     "resistance": Row(
         "0.03 / 0.1",
         lambda d: resistance(d, BILINEAR),

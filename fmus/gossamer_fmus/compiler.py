@@ -42,8 +42,7 @@ PLATFORMS = {
     "linux64": Platform(suffix=".so", targets={"x86_64-linux": "x86_64-linux-gnu.2.17"}),
     "win64": Platform(suffix=".dll", targets={"x86_64-windows": "x86_64-windows-gnu"}),
     "darwin64": Platform(
-        suffix=".dylib",
-        targets={"x86_64-darwin": "x86_64-macos.11.0", "aarch64-darwin": "aarch64-macos.11.0"},
+        suffix=".dylib", targets={"x86_64-darwin": "x86_64-macos.11.0", "aarch64-darwin": "aarch64-macos.11.0"}
     ),
     "aarch64-linux": Platform(suffix=".so", targets={"aarch64-linux": "aarch64-linux-gnu.2.17"}, in_fmi_2=False),
 }

@@ -68,10 +68,7 @@ def diagrams(model: StepModel) -> dict[str, bytes]:
     }
     height = 0.4 * max(map(len, arrays.values())) + 0.4
     files = {}
-    with (
-        style(),
-        rc_context({"svg.fonttype": "none", "svg.hashsalt": model.name, "figure.constrained_layout.use": False}),
-    ):
+    with style(), rc_context({"svg.fonttype": "none", "svg.hashsalt": model.name, "figure.constrained_layout.use": False}):
         figure = Figure(figsize=(7.4, height))
         FigureCanvasAgg(figure)
         axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(-0.6, 6.8), ylim=(0.0, height))

@@ -245,12 +245,7 @@ def _bars(trace: Trace, x: Array, y: Array, beside: tuple[int, int], ax: Axes) -
     draw_bars(at, values, width, color=_color(trace["marker"]["color"]), label=_label(trace))
     for axis in "xy":
         if (reach := _errors(trace, axis)) is not None:
-            look: Any = {
-                "fmt": "none",
-                "ecolor": _color(trace[f"error_{axis}"]["color"]),
-                "elinewidth": 1.0,
-                "capsize": 2.0,
-            }
+            look: Any = {"fmt": "none", "ecolor": _color(trace[f"error_{axis}"]["color"]), "elinewidth": 1.0, "capsize": 2.0}
             ax.errorbar(values if lying else at, at if lying else values, **{f"{axis}err": reach} | look)
 
 
@@ -278,11 +273,7 @@ def _scatter(trace: Trace, x: Array, y: Array, low: Array, ax: Axes) -> None:
     elif "lines" in trace["mode"] and line.get("width", 1.3) == 0:
         pass  # the edge of a band
     else:
-        look: dict[str, Any] = {
-            "color": _color(line.get("color", marker.get("color"))),
-            "label": _label(trace),
-            "ls": "",
-        }
+        look: dict[str, Any] = {"color": _color(line.get("color", marker.get("color"))), "label": _label(trace), "ls": ""}
         if "lines" in trace["mode"]:
             look |= {"ls": DASHES[line.get("dash", "solid")], "lw": 0.8 * line.get("width", 1.5)}
             look |= {"drawstyle": "steps-post"} if style else {}

@@ -92,13 +92,7 @@ def kept_library(depends_on: Iterable[str | bytes], suffix: str, compile_it: Cal
     return path
 
 
-def compile_shared(
-    files: Mapping[str, bytes],
-    source: str,
-    library: str,
-    options: Sequence[str],
-    what: str,
-) -> bytes:
+def compile_shared(files: Mapping[str, bytes], source: str, library: str, options: Sequence[str], what: str) -> bytes:
     """Compile C sources to a shared library.
 
     Parameters
@@ -132,14 +126,7 @@ def compile_shared(
         # zig keeps files in the user's cache folder too, and waits for ever where it cannot
         own = {} if cache_folder() == _usual_folder() else {"ZIG_GLOBAL_CACHE_DIR": str(cache_folder() / "zig")}
         command = [*compiler, "-g0", "-s", "-shared", "-o", library, source]
-        done = subprocess.run(
-            command,
-            cwd=folder,
-            env={**os.environ, **own},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        done = subprocess.run(command, cwd=folder, env={**os.environ, **own}, capture_output=True, text=True, check=False)
         if done.returncode:
             how = done.stderr[-2000:].strip() or f"it ended with code {done.returncode}; the disk may be full"
             msg = f"the compiler failed for {what}:\n{how}"

@@ -159,11 +159,7 @@ class PowerLawKernels:
         value, slope = tail(slow, 1.0 - a), tail(slow, 2.0 - a)
         mass, moment = tail(fast, -a), tail(fast, -1.0 - a)
         g = ca.vertcat(
-            value - slope / slow,
-            slope / slow,
-            ca.DM(self.rates[2:-1]) ** (1.0 - a),
-            moment * fast**2,
-            mass - moment * fast,
+            value - slope / slow, slope / slow, ca.DM(self.rates[2:-1]) ** (1.0 - a), moment * fast**2, mass - moment * fast
         )
         return ca.Function("weights", [a], [SPACING * ca.sin(np.pi * a) / np.pi * g])
 

@@ -21,10 +21,7 @@ from .stepper import Stepper, simulate
 
 REACH = 1.005  # strain up to this factor of full scale is clipped, as the sensor does
 MANY_CLIPPED = 0.05  # share of samples at a limit of the range from which their error says too little
-AT_LIMIT, APART_FROM_IT = (
-    1e-6,
-    0.01,
-)  # of full scale: a recovered strain that stands at a limit, a true one that does not
+AT_LIMIT, APART_FROM_IT = (1e-6, 0.01)  # of full scale: a recovered strain that stands at a limit, a true one that does not
 SHIFT = 10.0  # resistance at rest of the models: it must be positive, and only differences from it count
 
 
@@ -192,13 +189,7 @@ def recover(
 
 
 def _run(
-    model: StepModel,
-    full_scale: float,
-    record: Record,
-    source: str,
-    values: Vector,
-    results: list[str],
-    **parameters: float,
+    model: StepModel, full_scale: float, record: Record, source: str, values: Vector, results: list[str], **parameters: float
 ) -> dict[str, Vector]:
     """Return results of a normalised model at the samples of a record, initialized at the first one."""
     stepper = Stepper(model, rest_resistance=SHIFT, full_scale_resistance_change=1.0, full_scale_strain=full_scale)

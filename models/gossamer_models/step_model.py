@@ -178,10 +178,7 @@ class StepModel:
         if begin is not None:
             q = ca.MX.sym("q", n_q)
             x_q, y_q = begin(q, inputs, parameters)
-            at_rest = Rest(
-                begin=ca.Function("begin", [u, p, q, *t], [pack(x_q), in_order(results, y_q)]),
-                finder=finder,
-            )
+            at_rest = Rest(begin=ca.Function("begin", [u, p, q, *t], [pack(x_q), in_order(results, y_q)]), finder=finder)
         return cls(
             variables=variables,
             at_rest=at_rest,

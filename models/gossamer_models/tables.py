@@ -30,11 +30,7 @@ def recognised_table(records: Sequence[Record]) -> TableText:
         varied = f"{found.shortest:.3g} to {found.longest:.4g} s, median {found.step:.3g} s"
         samples = f"{found.samples} samples" + f" of {found.rows} rows" * (found.rows > found.samples)
         first = (record.name, found.written, "")
-        last = (
-            samples,
-            f"{found.step:.4g} s" if even else varied,
-            f"gaps: {len(found.gaps)}" if found.gaps else "no gap",
-        )
+        last = (samples, f"{found.step:.4g} s" if even else varied, f"gaps: {len(found.gaps)}" if found.gaps else "no gap")
         cells = [_cells(each) for each in found.quantities] + [("",) * 4]  # no time in a record without a clock
         rows += [(one, *four, six) for one, four, six in zip(first, cells[:3], last, strict=True)]
     return TableText(("record", "quantity", "column", "unit", "range", "samples, steps"), rows, "Read as")
@@ -127,11 +123,7 @@ def relaxation_table(relaxation: Sequence[RelaxationTerm]) -> TableText:
     """Return the relaxation terms."""
     head = ("driven by", "amplitude A [1]", "time tau [s]", "exponent c [1]", "exponentials")
     rows = [
-        (
-            driven_by(each),
-            *(f"{x:.4g}" for x in (each.amplitude, time_of(each), each.exponent)),
-            str(len(each.decay_rates)),
-        )
+        (driven_by(each), *(f"{x:.4g}" for x in (each.amplitude, time_of(each), each.exponent)), str(len(each.decay_rates)))
         for each in relaxation
     ]
     return TableText(head, rows, "Relaxation, terms A exp(-(t / tau)^c)")

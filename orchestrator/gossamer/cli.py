@@ -42,11 +42,7 @@ COMMON = {  # options of all commands: how they are written, and the help
     "json": (("--json",), bool, "Print the answer as one JSON document."),
     "quiet": (("--quiet", "-q"), bool, "Print nothing but the answer and errors."),
     "verbose": (("--verbose", "-v"), bool, "Print what is done, and how long it takes."),
-    "log_file": (
-        ("--log-file",),
-        Path,
-        "Append to this file what --verbose prints, warnings and errors, with times.",
-    ),
+    "log_file": (("--log-file",), Path, "Append to this file what --verbose prints, warnings and errors, with times."),
 }
 
 _log = logging.getLogger(__name__)

@@ -64,11 +64,7 @@ class TwinAnswer(Saved):
             {name: (axes, np.where(self.shown, each, np.nan), ratio) for name, (axes, each) in values.items()},
             coords=zone_coordinates(answer.zones)
             | {"other_zone": np.arange(1, n + 1), "bound": ["low", "high"], "together_with": ("zone", together)},
-            attrs={
-                "valid": int(answer.valid),
-                "chi2_per_sample": answer.chi2_per_sample,
-                "chi2_bound": answer.chi2_bound,
-            },
+            attrs={"valid": int(answer.valid), "chi2_per_sample": answer.chi2_per_sample, "chi2_bound": answer.chi2_bound},
         )
 
     def exit_code(self) -> int:
@@ -119,12 +115,7 @@ class TwinAnswer(Saved):
         from .pages.twin import NUISANCE_UNITS
 
         units = dict.fromkeys(("damage", "deviation", "probability", "covariance", "bounds"), "1") | NUISANCE_UNITS
-        return {
-            "file": self.path,
-            "page": self.page,
-            **self.answer.as_json(show_invalid=self.shown),
-            "units": units,
-        }
+        return {"file": self.path, "page": self.page, **self.answer.as_json(show_invalid=self.shown), "units": units}
 
 
 @command
@@ -226,8 +217,7 @@ def twin(
         for sentence in fitting.untold(found.record):
             say(sentence)
         answer = fitting.fit(
-            found.record,
-            report=lambda seconds, made: bar.update(text=f"{seconds:.3g} s of the record, {made} simulations,"),
+            found.record, report=lambda seconds, made: bar.update(text=f"{seconds:.3g} s of the record, {made} simulations,")
         )
     shown = answer.valid or show_invalid
     logger.info("%d simulations for %d values", answer.simulations, answer.samples)

@@ -25,11 +25,7 @@ from pydantic import ValidationError, create_model
 T = TypeVar("T")
 
 VECTORS = ("prestress", "direction", "displacement", "stretch", "centre", "point", "axis")  # arrays of three numbers
-USUAL = {
-    "youngs_modulus": (1e3, 1e13, "Pa"),
-    "density": (1.0, 3e4, "kg/m3"),
-    "thickness": (1e-8, 0.1, "m"),
-}  # of a region
+USUAL = {"youngs_modulus": (1e3, 1e13, "Pa"), "density": (1.0, 3e4, "kg/m3"), "thickness": (1e-8, 0.1, "m")}  # of a region
 OF_A_CAMPAIGN: dict[str, type] = {
     "membrane": campaign.Mesh,
     "damage": campaign.Damage,

@@ -323,11 +323,7 @@ def container(scenario: AnyPath, *, out: File | None = None, fmus: Folder = "out
 
 
 def _write(
-    write: Callable[[Scenario, Path, Path], Path],
-    text: AnyPath,
-    fmus: AnyPath,
-    out: AnyPath | None,
-    ending: str,
+    write: Callable[[Scenario, Path, Path], Path], text: AnyPath, fmus: AnyPath, out: AnyPath | None, ending: str
 ) -> Path:
     """Write a scenario, which is not overwritten, as another kind of file; return its path, and say what it holds."""
     from gossamer_orchestrator.exchange import open_scenario

@@ -174,11 +174,7 @@ class SensorPlacement(Saved):
 
         found = self.result
         sensors = [
-            (
-                f"{name} {k + 1}",
-                *(", ".join(f"{x:.4g}" for x in v) for v in (s.point, s.direction)),
-                f"{s.gauge_length:g}",
-            )
+            (f"{name} {k + 1}", *(", ".join(f"{x:.4g}" for x in v) for v in (s.point, s.direction)), f"{s.gauge_length:g}")
             for name, p in self.placements.items()
             for k, s in enumerate(p.sensors)
         ]
@@ -220,13 +216,10 @@ class SensorPlacement(Saved):
             for name, p in self.placements.items()
         }
         zones = found.structure.zone_names
-        return {
-            "files": self.files,
-            "zones": zones,
-            **placements,
-            "noise": found.noise,
-            "candidates": found.candidates,
-        } | {"curve": found.curve, "unseen": found.unseen}
+        return {"files": self.files, "zones": zones, **placements, "noise": found.noise, "candidates": found.candidates} | {
+            "curve": found.curve,
+            "unseen": found.unseen,
+        }
 
 
 @command

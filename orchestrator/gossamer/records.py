@@ -301,11 +301,7 @@ def histories(record: Record, predicted: Any) -> xr.Dataset:  # noqa: ANN401
     import xarray as xr
 
     unit = record.unit or "not stated"
-    columns = {
-        "strain": (record.strain, "1"),
-        "resistance": (record.resistance, unit),
-        "predicted": (predicted, unit),
-    }
+    columns = {"strain": (record.strain, "1"), "resistance": (record.resistance, unit), "predicted": (predicted, unit)}
     return xr.Dataset(
         {name: ("time", values, {"units": unit}) for name, (values, unit) in columns.items()},
         coords={"time": ("time", record.time, {"units": "s", "long_name": "time"})},

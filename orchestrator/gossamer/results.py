@@ -106,10 +106,7 @@ class Result:
 
         console = Console(record=True, file=io.StringIO(), width=_WIDTH, force_jupyter=False, force_terminal=False)
         print_tables(console, self.tables())
-        parts = [
-            f"<p><strong>{escape(self.sentence)}</strong></p>",
-            *(f"<p>{escape(each)}</p>" for each in self.more()),
-        ]
+        parts = [f"<p><strong>{escape(self.sentence)}</strong></p>", *(f"<p>{escape(each)}</p>" for each in self.more())]
         if console.file.getvalue().strip():  # type: ignore[attr-defined]
             parts.append(console.export_html(inline_styles=True, code_format=_CODE))
         if (picture := self.picture()) is not None:

@@ -43,10 +43,7 @@ def start(
     paths = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     marks = {} if mark is None else dict.fromkeys(_TEMPORARY, str(mark))
     return subprocess.Popen(
-        [sys.executable, "-P", "-c", code, *arguments],
-        env=os.environ | paths | marks,
-        start_new_session=True,
-        **options,
+        [sys.executable, "-P", "-c", code, *arguments], env=os.environ | paths | marks, start_new_session=True, **options
     )
 
 

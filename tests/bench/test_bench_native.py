@@ -52,8 +52,7 @@ def inside(cost):
 
 
 @pytest.mark.parametrize(
-    ("name", "h", "target"),
-    [("membrane", 7e-5, 25.0), ("sensor", H, 3.0), ("compensator", H, 3.0), ("detector", H, 1.0)],
+    ("name", "h", "target"), [("membrane", 7e-5, 25.0), ("sensor", H, 3.0), ("compensator", H, 3.0), ("detector", H, 1.0)]
 )
 def test_step_inside_the_fmu(built, start, inside, name, h, target):
     what = "one internal step" if name == "membrane" else "one step"

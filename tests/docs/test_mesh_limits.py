@@ -11,10 +11,7 @@ STRAINS = [f"strain[{i}]" for i in range(1, 5)]
 
 def judged(elements, order, damage):
     """Damages [1] of the zones and ``valid`` after the first window."""
-    membrane, detector = (
-        Stepper(membrane_model(square_structure(elements, order)), **damage),
-        Stepper(posterior_model()),
-    )
+    membrane, detector = (Stepper(membrane_model(square_structure(elements, order)), **damage), Stepper(posterior_model()))
     membrane.initialize()
     for name in STRAINS:
         detector.set(name, membrane.get(name))

@@ -101,8 +101,7 @@ def test_the_table_in_the_readme_is_up_to_date(models, name, rewrite_goldens):
 
 
 @pytest.mark.parametrize(
-    ("name", "folder"),
-    [("estimator", "compensator"), ("filter", "compensator"), ("framed_membrane", "membrane")],
+    ("name", "folder"), [("estimator", "compensator"), ("filter", "compensator"), ("framed_membrane", "membrane")]
 )
 def test_the_tables_of_the_other_variants_are_up_to_date(models, name, folder, rewrite_goldens):
     path = fmu_folder(folder) / "README.md"
@@ -140,8 +139,7 @@ def test_a_unit_that_a_model_description_cannot_say_is_refused(unit):
 
 
 @pytest.mark.parametrize(
-    "names",
-    [("a[1]", "a[3]"), ("a[1,1]", "a[2,1]", "a[1,2]", "a[2,2]"), ("a[1]", "b", "a[2]"), ("a[2]", "a[1]")],
+    "names", [("a[1]", "a[3]"), ("a[1,1]", "a[2,1]", "a[1,2]", "a[2,2]"), ("a[1]", "b", "a[2]"), ("a[2]", "a[1]")]
 )
 def test_elements_that_are_no_array_are_refused(names):
     variables = tuple(Variable(name=n, causality="input", unit="1", description="x", start=0.0) for n in names)

@@ -54,10 +54,7 @@ def test_a_guid_put_in_later_is_all_that_changes():
 
 def test_a_universal_library_lists_its_parts_by_processor():
     """Two headers of Mach-O files: x86-64 (0x01000007, 3) and arm64 (0x0100000c, 0), little-endian."""
-    parts = [
-        bytes.fromhex("cffaedfe07000001030000000600") + b"x" * 9,
-        bytes.fromhex("cffaedfe0c00000100000000") + b"y" * 9,
-    ]
+    parts = [bytes.fromhex("cffaedfe07000001030000000600") + b"x" * 9, bytes.fromhex("cffaedfe0c00000100000000") + b"y" * 9]
     fat = universal(parts)
     head = np.frombuffer(fat[: 8 + 2 * 20], dtype=">u4").tolist()
     assert head[:2] == [0xCAFEBABE, 2]

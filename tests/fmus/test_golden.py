@@ -28,11 +28,7 @@ def inputs_of(name, golden):
     """Input columns by variable: a value for each step."""
     k = np.arange(1, STEPS + 1)
     if name == "membrane":
-        return {
-            "pressure": 2e3 * np.sin(0.02 * k),
-            "base_acceleration": 5.0 * np.cos(0.1 * k),
-            "damage[1]": 0.4 * (k > 100),
-        }
+        return {"pressure": 2e3 * np.sin(0.02 * k), "base_acceleration": 5.0 * np.cos(0.1 * k), "damage[1]": 0.4 * (k > 100)}
     if name == "framed_membrane":
         return {
             "pressure": 2e3 * np.sin(0.02 * k),

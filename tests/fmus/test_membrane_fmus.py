@@ -66,13 +66,7 @@ def excited(instance, *, gas=True):
     rows = []
     for k in range(60):
         s = np.sin(0.2 * k)
-        inputs = {
-            "pressure": 50.0 * s,
-            "sun": 1.0,
-            "temperature[1]": 20.0 * s,
-            "damage[2]": 0.3,
-            "base_acceleration[3]": s,
-        }
+        inputs = {"pressure": 50.0 * s, "sun": 1.0, "temperature[1]": 20.0 * s, "damage[2]": 0.3, "base_acceleration[3]": s}
         more = {"gas_amount": 1.0 - 0.01 * s} if gas else {"stroke": 1.0 + 0.2 * s}
         for name, value in (inputs | more).items():
             instance.set(name, value)

@@ -22,10 +22,7 @@ SMOOTH = {
         {"pressure": 500.0, "angular_velocity[1]": 0.5, "damage[7]": 0.2},
         ["pressure", "frame_acceleration[3]", "angular_acceleration[1]", "damage[7]"],
     ),
-    "hub": (
-        {"force[3]": 20.0, "wheel_torque[1]": 3.0},
-        ["force[3]", "torque[1]", "thruster_force[2]", "wheel_torque[1]"],
-    ),
+    "hub": ({"force[3]": 20.0, "wheel_torque[1]": 3.0}, ["force[3]", "torque[1]", "thruster_force[2]", "wheel_torque[1]"]),
     "sensor": ({"strain": 0.11}, ["strain"]),
     "compensator": ({"resistance": 112.0}, ["resistance"]),
 }

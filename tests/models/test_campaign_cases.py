@@ -114,23 +114,14 @@ REFUSED = {
         "no whole number of steps of 0.0003 s. The nearest is 0.3.",
     ),
     "too many steps": (lambda: CampaignPlan(cases=1, step=1e-9), "makes 3e\\+08 steps"),
-    "range of nothing known": (
-        lambda: campaign(vary={"damping": Vary(factor=(1.0, 2.0))}),
-        "no 'damping' to vary. Known: ",
-    ),
+    "range of nothing known": (lambda: campaign(vary={"damping": Vary(factor=(1.0, 2.0))}), "no 'damping' to vary. Known: "),
     "beyond the membrane": (
         lambda: campaign(vary={"density": Vary(factor=(1.0, 200.0))}),
         "'density' reaches 220000; the membrane takes 0.001 to 100000 kg",
     ),
-    "factor of zero": (
-        lambda: campaign(vary={"pressure": Vary(factor=(0.9, 1.1))}),
-        "is 0, so a factor does not vary it",
-    ),
+    "factor of zero": (lambda: campaign(vary={"pressure": Vary(factor=(0.9, 1.1))}), "is 0, so a factor does not vary it"),
     "noise of nothing": (lambda: campaign(vary={"noise": Vary(range=(0.0, 1.0))}), "there is no noise to vary"),
-    "gain below zero": (
-        lambda: campaign(vary={"sensor_gain": Vary(range=(-1.0, 1.0))}),
-        "'sensor_gain' begins below 0",
-    ),
+    "gain below zero": (lambda: campaign(vary={"sensor_gain": Vary(range=(-1.0, 1.0))}), "'sensor_gain' begins below 0"),
     "both": (lambda: Vary(range=(0.0, 1.0), factor=(1.0, 2.0)), "Write either range"),
     "descending": (lambda: Vary(range=(2.0, 1.0)), r"'range' is \[2, 1\]. .* the lower one first"),
     "negative factor": (lambda: Vary(factor=(-1.0, 1.0)), "factors are positive"),

@@ -23,8 +23,7 @@ def exponential(amplitude, **kind):
 
 
 GAINED = replace(
-    artifact(relaxation=[exponential(0.2, gain=True), exponential(0.3, drive="falling", signed=True)]),
-    tracking=TRACKING,
+    artifact(relaxation=[exponential(0.2, gain=True), exponential(0.3, drive="falling", signed=True)]), tracking=TRACKING
 )
 
 

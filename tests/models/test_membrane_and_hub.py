@@ -19,10 +19,7 @@ def reaction(membrane):
 def fly(mass, inertia, seconds, *, extrapolation):
     """Let go of the membrane on a free hub; returns totals, one row per step, and the membrane's own peaks."""
     membrane = Stepper(
-        membrane_model(square_structure(4, 1), frame=True),
-        mass_damping=0.0,
-        pressure_amplitude=0.0,
-        enclosed_pressure=1.0,
+        membrane_model(square_structure(4, 1), frame=True), mass_damping=0.0, pressure_amplitude=0.0, enclosed_pressure=1.0
     )
     hub = Stepper(hub_model(), mass=mass, extrapolation=extrapolation)
     put(membrane, "mount_position", (0.5, 0.1, 0.2))
@@ -42,11 +39,7 @@ def fly(mass, inertia, seconds, *, extrapolation):
         put(hub, "force", last[:3])
         put(hub, "torque", last[3:])
         hub.step(H)
-        for name, of in (
-            ("frame_acceleration", "acceleration"),
-            ("angular_velocity",) * 2,
-            ("angular_acceleration",) * 2,
-        ):
+        for name, of in (("frame_acceleration", "acceleration"), ("angular_velocity",) * 2, ("angular_acceleration",) * 2):
             put(membrane, name, get(hub, of))
         membrane.step(H)
         R, O, V = matrix(get(hub, "attitude", 4)), get(hub, "position"), get(hub, "velocity")

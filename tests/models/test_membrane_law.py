@@ -43,10 +43,7 @@ def rubber(e):
     mu, beta = E / (2.0 * (1.0 + NU)), NU / (1.0 - 2.0 * NU)
     C = np.eye(2) + e
     across = minimize_scalar(
-        lambda k: k + (np.linalg.det(C) * k) ** -beta / beta,
-        bounds=(0.1, 4.0),
-        method="bounded",
-        options={"xatol": 1e-10},
+        lambda k: k + (np.linalg.det(C) * k) ** -beta / beta, bounds=(0.1, 4.0), method="bounded", options={"xatol": 1e-10}
     )
     return mu / 2.0 * (np.trace(C) - 3.0 + across.fun - 1.0 / beta)
 
@@ -138,12 +135,7 @@ def test_an_unknown_law_is_refused_by_name():
         ("docs/setup.md", "Law of the material: ", ". |", "`"),
         ("docs/campaigns.md", "Law of the material: ", ". |", "`"),
         ("fmus/membrane/README.md", "`--law` takes, the first by default: ", ".\n  The shipped", "`"),
-        (
-            "orchestrator/gossamer/fmus.py",
-            "Law of the membrane's material, the first by default: ",
-            ".\n    setup\n",
-            "",
-        ),
+        ("orchestrator/gossamer/fmus.py", "Law of the membrane's material, the first by default: ", ".\n    setup\n", ""),
     ],
 )
 def test_pages_and_help_list_the_laws_of_the_registry(page, begin, end, quote, rewrite_goldens):

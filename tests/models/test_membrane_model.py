@@ -211,13 +211,7 @@ def test_a_prestress_that_is_not_found_is_refused_with_advice(monkeypatch):
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [
-        ("damage[3]", 1.2),
-        ("damage[16]", -0.1),
-        ("damage[1]", np.nan),
-        ("pressure", np.nan),
-        ("base_acceleration", np.inf),
-    ],
+    [("damage[3]", 1.2), ("damage[16]", -0.1), ("damage[1]", np.nan), ("pressure", np.nan), ("base_acceleration", np.inf)],
 )
 def test_inputs_out_of_range_are_refused_and_the_state_stays(small, name, value):
     stepper = started(small)

@@ -68,13 +68,7 @@ def frequencies(file, order):
     strain = 2.0 * stress * (1.0 - nu) / modulus * one
     equations, zero = MembraneEquations(structure), ca.MX(0.0)
     assert equations.shared_names == ("D", "pressure", "along", "across", "shear")
-    shared = {
-        "D": modulus * h / (1.0 - nu**2) * one,
-        "pressure": zero,
-        "along": strain,
-        "across": strain,
-        "shear": zero,
-    }
+    shared = {"D": modulus * h / (1.0 - nu**2) * one, "pressure": zero, "along": strain, "across": strain, "shear": zero}
     tangent = ca.Function("tangent", [x], [ca.jacobian(equations.forces(x, shared, SimpleNamespace()).f, x)])
     free = 3 * np.arange(len(structure.moving)) + 2
     K = -tangent(structure.mesh.nodes[structure.order].ravel()).sparse().toarray()[np.ix_(free, free)]

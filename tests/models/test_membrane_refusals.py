@@ -106,10 +106,7 @@ MEANINGLESS = {
         lambda: Support(group="rim", motion="stroke"),
         "'motion' multiplies the way of the nodes, and there is none",
     ),
-    "motion without a name": (
-        lambda: Support(group="rim", motion="my motion", displacement=(0.1, 0.0, 0.0)),
-        "Use letters",
-    ),
+    "motion without a name": (lambda: Support(group="rim", motion="my motion", displacement=(0.1, 0.0, 0.0)), "Use letters"),
     "high order": (lambda: Setup(**RIGHT, order=30), "'order' is 30. Write 1 for bilinear"),
     "empty gas": (lambda: Gas(pressure=0.0), "there is no gas"),
 }

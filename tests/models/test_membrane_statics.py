@@ -24,11 +24,7 @@ def square(n, kind="quad", **groups):
 
 def test_point_loads_on_a_prestressed_square_bend_it_as_in_kratos():
     """KratosMultiphysics, StructuralMechanicsApplication, test of a prestressed membrane under point loads."""
-    file = meshed(
-        [rectangle(4.0, 4.0)],
-        10,
-        points=rim(4.0) | {"all": lambda x, y, z: x < 9.0},
-    )
+    file = meshed([rectangle(4.0, 4.0)], 10, points=rim(4.0) | {"all": lambda x, y, z: x < 9.0})
     film = Region(youngs_modulus=100.0, poisson_ratio=0.3, density=1.0, thickness=1.0, prestress=(100.0, 100.0, 0.0))
     force = Load(name="force", kind="force", groups=("all",), direction=(0.0, 0.0, -1.0), start=80.0)
     structure, _, q = started(file, regions=(film,), supports=RIM, loads=(force,))
@@ -50,10 +46,7 @@ def test_a_soft_film_under_a_small_load_deflects_as_in_closed_form(stress, press
     film = Region(youngs_modulus=modulus, poisson_ratio=nu, density=1400.0, thickness=h, prestress=(stress, stress, 0.0))
     file, load = meshed([rectangle(L, L)], n, points=rim(L)), Load(name="pressure", start=pressure)
     w = started(file, regions=(film,), supports=RIM, loads=(load,))[2][:, 2].max()
-    linear, stiffening = (
-        3.45 * stress * h / (L / 2) ** 2,
-        1.994 * (1 - 0.271 * nu) / (1 - nu) * modulus * h / (L / 2) ** 4,
-    )
+    linear, stiffening = (3.45 * stress * h / (L / 2) ** 2, 1.994 * (1 - 0.271 * nu) / (1 - nu) * modulus * h / (L / 2) ** 4)
     assert w == pytest.approx(brentq(lambda x: linear * x + stiffening * x**3 - pressure, 0.0, 1.0), rel=0.03)
     if (stress, pressure) != (1e3, 9e-6):  # it stretches by next to nothing
         assert w == pytest.approx(0.0736713 * pressure * L**2 / (stress * h), rel=0.015)

@@ -53,13 +53,7 @@ def test_a_grid_of_a_square_is_that_of_the_thesis():
     middles = [np.concatenate([s.mesh.nodes[b.elements].mean(axis=1) for b in s.mesh.blocks]) for s in (found, square)]
     order = [np.lexsort(middle[:, :2].round(6).T) for middle in middles]
     assert zone_of_face(found)[order[0]].tolist() == zone_of_face(square)[order[1]].tolist()
-    assert found.zone_names[:5] == (
-        "column 1 row 1",
-        "column 2 row 1",
-        "column 3 row 1",
-        "column 4 row 1",
-        "column 1 row 2",
-    )
+    assert found.zone_names[:5] == ("column 1 row 1", "column 2 row 1", "column 3 row 1", "column 4 row 1", "column 1 row 2")
 
 
 def test_rings_and_sectors_have_the_areas_of_a_circle():
@@ -142,10 +136,7 @@ def test_faces_in_no_zone_are_remarked_on_and_overlap_is_taken_where_it_is_wante
 
 REFUSED = {
     "overlap": ((Zone(group="west"), Zone(group="low")), "2 faces of 'low' are in the zone 'west' already"),
-    "too fine": (
-        (Zone(rings=9),),
-        r"no face has its middle in 'ring 1', 'ring 9': .*faces of 0.25 m. Mesh more finely",
-    ),
+    "too fine": ((Zone(rings=9),), r"no face has its middle in 'ring 1', 'ring 9': .*faces of 0.25 m. Mesh more finely"),
     "one name": ((Zone(grid=(2, 2), name="field {row}"),), "2 zones have the name 'field 1'"),
     "too many parts": ((Zone(parts=17),), "16 faces cannot make 17 parts"),
     "nothing left": ((Zone(grid=(2, 1)), Zone()), "holds no faces: others hold all"),

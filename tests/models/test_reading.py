@@ -50,16 +50,10 @@ def test_a_record_without_time_gets_a_sampling_step(tmp_path):
         (put(12, 1, "-0.02"), "line 12: strain -0.02 is negative"),
         (put(12, 2, "1.06"), "line 12: the output jumps from"),
         (put(12, 1, "7.5"), "line 12: strain 7.5 has no unit"),
-        (
-            lambda rows: [put(k, 1, "0.01")(rows) for k in range(2, 42)],
-            "lines 2 to 41: the record is of constant strain",
-        ),
+        (lambda rows: [put(k, 1, "0.01")(rows) for k in range(2, 42)], "lines 2 to 41: the record is of constant strain"),
         (lambda rows: [put(k, 2, "5")(rows) for k in range(2, 42)], "of constant output"),
         (lambda rows: [put(k, 2, "nan")(rows) for k in range(7, 12)], "line 7: 5 of 40 samples hold no finite number"),
-        (
-            lambda rows: [put(k, 0, str(0.1 * k + 90))(rows) for k in range(9, 42)],
-            "line 9: a gap of 90.3 s in which strain",
-        ),
+        (lambda rows: [put(k, 0, str(0.1 * k + 90))(rows) for k in range(9, 42)], "line 9: a gap of 90.3 s in which strain"),
         (lambda rows: rows.__delitem__(slice(2, None)), "too short"),
         (put(12, 2, "1100,5"), "line 12: 4 cells under 3 names. Write decimal points"),
     ],

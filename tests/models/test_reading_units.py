@@ -153,9 +153,7 @@ def test_times_without_a_unit_that_may_be_milliseconds_are_refused(tmp_path, ste
     assert read(tmp_path, text.replace("time", "time_s", 1)).time[-1] == pytest.approx(39 * step)
 
 
-def test_a_strain_that_may_be_in_per_cent_is_said_and_one_beyond_a_ratio_of_one_refused_until_its_unit_is_stated(
-    tmp_path,
-):
+def test_a_strain_that_may_be_in_per_cent_is_said_and_one_beyond_a_ratio_of_one_refused_until_its_unit_is_stated(tmp_path):
     remarks = read(tmp_path, text_of("t_s,strain,R_ohm", strain=16 * STRAIN)).summary.remarks
     assert [sentence for sentence in remarks if "it reaches 80%" in sentence and "--strain-unit %" in sentence]
     assert read(tmp_path, text_of(strain=16 * STRAIN)).summary.remarks == ()
@@ -352,8 +350,7 @@ def test_times_of_day_that_pass_midnight_are_not_sorted(tmp_path, sort):
 
 
 @pytest.mark.parametrize(
-    ("header", "first"),
-    [("time_s,strain [1],R_ohm,state", "-1,nan,nan,A"), ("# time_s,strain [1],R_ohm", "-1,OVER,OVER")],
+    ("header", "first"), [("time_s,strain [1],R_ohm,state", "-1,nan,nan,A"), ("# time_s,strain [1],R_ohm", "-1,OVER,OVER")]
 )
 def test_a_first_sample_without_values_is_left_out(tmp_path, header, first):
     """A, like V or C, is a unit, but here the mark of a sample."""

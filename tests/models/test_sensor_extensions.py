@@ -42,11 +42,7 @@ def test_modes_driven_by_falling_strain_solve_their_differential_equation():
 def test_a_sensor_whose_relaxation_falling_strain_drives_may_be_cut_into_any_steps(signed):
     terms = [
         RelaxationTerm(amplitude=a, power=p, rate=b, exponent=1.0, decay_rates=(b,), weights=(1.0,), drive=d, signed=signed)
-        for a, p, b, d in (
-            (0.05, 0, 0.5, "falling"),
-            (0.1, 1, 2.0, "falling"),
-            (-0.1 if signed else 0.1, 0, 1.0, "rising"),
-        )
+        for a, p, b, d in ((0.05, 0, 0.5, "falling"), (0.1, 1, 2.0, "falling"), (-0.1 if signed else 0.1, 0, 1.0, "rising"))
     ]
     artifact = replace(default_artifact(), relaxation=tuple(terms))
     corners = np.array([0.0, 0.8, 0.3, 0.6, 0.0])

@@ -46,11 +46,7 @@ def recorded(forward):
 def strip():
     """A strip of four zones in a row, pulled at its end, as wide as one element; Poisson's ratio is zero."""
     groups = {f"part{k}": (lambda x, y, z, k=k: np.floor(4.0 * x / LENGTH) == k) for k in range(4)}
-    points = {
-        "left": lambda x, y, z: x < 1e-9,
-        "right": lambda x, y, z: x > LENGTH - 1e-9,
-        "all": lambda x, y, z: x > -1.0,
-    }
+    points = {"left": lambda x, y, z: x < 1e-9, "right": lambda x, y, z: x > LENGTH - 1e-9, "all": lambda x, y, z: x > -1.0}
     file = meshed([rectangle(LENGTH, WIDTH)], (8, 1), groups, points)
     setup = Setup(
         regions=(Region(youngs_modulus=MODULUS, poisson_ratio=0.0, density=1000.0, thickness=THICKNESS),),

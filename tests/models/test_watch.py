@@ -109,11 +109,7 @@ def test_readings_may_be_resistances():
 
 
 def test_windows_before_the_onset_are_not_simulated_again_and_the_readings_are_the_same():
-    forward, sigma, healthy = (
-        SensedForward(MembraneForward(SQUARE)),
-        np.full(4, NOISE),
-        np.zeros(16),
-    )
+    forward, sigma, healthy = (SensedForward(MembraneForward(SQUARE)), np.full(4, NOISE), np.zeros(16))
     place, seen = forward.begin(healthy, {}, STEP), []
     for k in range(3):
         expected, after = forward.advance(place, np.zeros((1, 30, 16)), {}, STEP)

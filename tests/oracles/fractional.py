@@ -29,10 +29,7 @@ INTEGRALS = FractionalArtifact(
 TURNED = FractionalArtifact(
     model="sub-model-2",
     direct=0.4,
-    terms=(
-        FractionalTerm(coefficient=0.12, order=0.3, phase=-0.4),
-        FractionalTerm(coefficient=0.02, order=0.7, phase=0.2),
-    ),
+    terms=(FractionalTerm(coefficient=0.12, order=0.3, phase=-0.4), FractionalTerm(coefficient=0.02, order=0.7, phase=0.2)),
     **SCALES,
 )
 DERIVATIVES = FractionalArtifact(

@@ -29,10 +29,7 @@ def _film():
         inplane_mass=10.0,
         mass_damping=1.0,
         regions=(Region(youngs_modulus=2.5e9, poisson_ratio=0.34, density=1420.0, thickness=2.5e-6),),
-        supports=(
-            Support(group="held"),
-            Support(group="pulled", displacement=(2e-3, 0.0, 0.0), motion="boom"),
-        ),
+        supports=(Support(group="held"), Support(group="pulled", displacement=(2e-3, 0.0, 0.0), motion="boom")),
         loads=(
             Load(name="sun", kind="light", start=1e-3, direction=(0.0, 0.3, 1.0), reflectivity=0.8),
             Load(name="pressure", start=0.05),

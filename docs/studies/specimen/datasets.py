@@ -100,11 +100,9 @@ def dataset(number: int) -> Dataset:
     if number not in NAMES:
         msg = f"there is no Dataset-{number}. Choose 1, 2 or 3."
         raise ParameterError(msg)
-    cycles, top, end, train = {
-        1: (2, STRAIN_1, 400.0, 200.0),
-        2: (2, STRAIN_2, 200.0, 0.0),
-        3: (4, STRAIN_1, 400.0, 200.0),
-    }[number]
+    cycles, top, end, train = {1: (2, STRAIN_1, 400.0, 200.0), 2: (2, STRAIN_2, 200.0, 0.0), 3: (4, STRAIN_1, 400.0, 200.0)}[
+        number
+    ]
     corners = RAMP * np.arange(2 * cycles + 1)
     peaks = top * (np.arange(2 * cycles + 1) % 2)
     rest = ", then no strain to 400 s" if end > corners[-1] else ""

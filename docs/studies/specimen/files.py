@@ -31,11 +31,7 @@ def write_datasets(folder: Path) -> tuple[Path, ...]:
 def write_dataset(record: Dataset, path: Path) -> Path:
     """Write a record with every digit, so that reading restores every bit; the last column is for evaluation."""
     rows = zip(
-        record.time.tolist(),
-        record.strain.tolist(),
-        record.resistance.tolist(),
-        record.noise_free.tolist(),
-        strict=True,
+        record.time.tolist(), record.strain.tolist(), record.resistance.tolist(), record.noise_free.tolist(), strict=True
     )
     with path.open("w", encoding="utf-8", newline="") as file:
         table = csv.writer(file, lineterminator="\n")

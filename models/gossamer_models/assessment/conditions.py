@@ -249,11 +249,7 @@ class Records:
 
 
 def make_records(
-    condition: Condition,
-    folder: Path,
-    *,
-    workers: int | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    condition: Condition, folder: Path, *, workers: int | None = None, progress: Callable[[int, int], None] | None = None
 ) -> Records:
     """Simulate what is missing of a condition and read all of it.
 

@@ -39,18 +39,7 @@ def _calls(row: Row | DetectionRow) -> str:
 
 def detection_table(found: AssessmentResults) -> TableText:
     """Return the probability of detection, a row for each judge, condition and zone; zones without a hit are left out."""
-    head = (
-        "detector",
-        "condition",
-        "zone",
-        "call above",
-        "false calls",
-        "hits of sizes",
-        "a50",
-        "a90",
-        "a90/95",
-        "remark",
-    )
+    head = ("detector", "condition", "zone", "call above", "false calls", "hits of sizes", "a50", "a90", "a90/95", "remark")
     rows = []
     for row in (row for row in found.detections if row.hits or not row.zone):
         call, hits = f"{row.score} > {100.0 * row.threshold:.2g} %", f"{row.hits} of {row.sizes}"
@@ -79,10 +68,7 @@ def thesis_tables(found: AssessmentResults) -> dict[str, TableText]:
 
 def error_table(found: Mapping[str, Mapping[str, float]]) -> TableText:
     """Return the errors on held-out cases, a row for each kind of record."""
-    errors, shares = (
-        ("all zones", "damaged zones"),
-        ("in 95 % band", "valid", "false calls", "wrong", "wrong and valid"),
-    )
+    errors, shares = (("all zones", "damaged zones"), ("in 95 % band", "valid", "false calls", "wrong", "wrong and valid"))
     rows: Sequence[tuple[str, ...]] = [
         (
             kind,

@@ -173,12 +173,7 @@ def _compiled(model: StepModel, results: Sequence[str]) -> Kernel | None:
     if not has_compiler():
         log.warning(slow, model.name, f"the compiler ziglang is missing. Install it with: pip install {PACKAGE}")
         return None
-    parts = [
-        model.digest,
-        *results,
-        Path(code.__file__).read_bytes(),
-        *code.own_sources().values(),
-    ]
+    parts = [model.digest, *results, Path(code.__file__).read_bytes(), *code.own_sources().values()]
     key = hashlib.sha256(repr(parts).encode()).hexdigest()
     try:
         return Kernel(library(key, lambda: code.sources(model, results), f"model '{model.name}'"))

@@ -213,14 +213,7 @@ def _sizes(
     return "".join(f"#define {name} {value}\n" for name, value in sizes.items())
 
 
-_OPERATORS = {
-    "<": "is_less",
-    "<=": "is_at_most",
-    "==": "is_equal",
-    "!=": "is_different",
-    "&&": "holds_both",
-    "||": "either",
-}
+_OPERATORS = {"<": "is_less", "<=": "is_at_most", "==": "is_equal", "!=": "is_different", "&&": "holds_both", "||": "either"}
 _VALUE = r"\(?\*?\w+(?:\+\+|\[\w+\])?\)?"  # w12, a012, *cs++, (*cr++), cs[i]
 _BINARY = re.compile(rf"(=\s*)\(({_VALUE})\s*(<=?|==|!=|&&|\|\|)\s*({_VALUE})\)")
 _NOT = re.compile(rf"(=\s*)\(!\s*({_VALUE})\s*\)")

@@ -202,10 +202,7 @@ class Damage:
     onset: Pair = (0.0, 0.0)
 
     def __post_init__(self) -> None:
-        mistakes = [
-            *disordered("depth", self.depth, 0.0, DEEPEST),
-            *disordered("onset", self.onset, -math.inf, math.inf),
-        ]
+        mistakes = [*disordered("depth", self.depth, 0.0, DEEPEST), *disordered("onset", self.onset, -math.inf, math.inf)]
         if not 0.0 <= self.healthy <= 1.0:
             mistakes.append(Mistake(("healthy",), f"'healthy' is {self.healthy:g}. Write a share from 0 to 1."))
         drawn = [

@@ -49,12 +49,7 @@ def identity(campaign: CampaignPlan, kernels: Kernels) -> dict[str, Any]:
     del content["membrane"]["carried"]
     models = {f"model.{name}": digest for name, digest in kernels.digests.items()}
     engine = "compiled" if kernels.membrane.compiled else "stepper"  # they differ by round-off
-    return {
-        "gossamer": version("gossamer"),
-        "kernels": engine,
-        **models,
-        **dict(_flat(json.loads(json.dumps(content)), "")),
-    }
+    return {"gossamer": version("gossamer"), "kernels": engine, **models, **dict(_flat(json.loads(json.dumps(content)), ""))}
 
 
 def _flat(content: Any, path: str) -> list[tuple[str, Any]]:  # noqa: ANN401
@@ -148,10 +143,7 @@ def create_store(path: Path, campaign: CampaignPlan, kernels: Kernels, source: s
         "identity": wanted,
         "symmetry": json.dumps(find_symmetry(campaign, kernels).lists()),
         "sha256": hashlib.sha256(json.dumps(wanted, sort_keys=True).encode()).hexdigest(),
-        "versions": {
-            "python": platform.python_version(),
-            **{name: version(name) for name in ("numpy", "casadi", "zarr")},
-        },
+        "versions": {"python": platform.python_version(), **{name: version(name) for name in ("numpy", "casadi", "zarr")}},
     }
     structure = campaign.membrane.structure
     if campaign.membrane.setup is not None:
@@ -200,12 +192,7 @@ def _variables(campaign: CampaignPlan) -> dict[str, tuple[tuple[str, ...], str, 
     histories = {"strain": (HISTORY, "f4", "1", "Strain of the membrane at its sensors, prestrain included, without noise")}
     if campaign.chain is not None:
         histories["resistance"] = (HISTORY, "f4", "ohm", "Resistance without noise")
-        histories["compensated_strain"] = (
-            HISTORY,
-            "f4",
-            "1",
-            "Strain from the compensators, given resistance with noise",
-        )
+        histories["compensated_strain"] = (HISTORY, "f4", "1", "Strain from the compensators, given resistance with noise")
     return {
         "case": (("case",), "i8", "1", "Number of the case"),
         "sensor": (("sensor",), "i8", "1", "Sensor"),

@@ -313,10 +313,7 @@ def direct_model(artifact: SensorArtifact) -> StepModel:
         rest = resting_state(forward, p)
         y = forward.output(rest)
         R = resistance(y, p)
-        return CompensatorState(direct.rest(y), LowPass(R, R)), {
-            "strain": rest.s * p.full_scale_strain,
-            "saturated": 0.0,
-        }
+        return CompensatorState(direct.rest(y), LowPass(R, R)), {"strain": rest.s * p.full_scale_strain, "saturated": 0.0}
 
     def step(x: CompensatorState, u: Values, p: Values, h: ca.MX) -> tuple[CompensatorState, Results]:
         low_pass = x.low_pass.advance(u.resistance, p.filter_time, h)

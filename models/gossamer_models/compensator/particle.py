@@ -48,12 +48,7 @@ GOLDEN, PLASTIC = 0.6180339887498949, (0.7548776662466927, 0.5698402909980532)
 VARIABLES = (
     *SCALE_VARIABLES,
     parameter(
-        "noise",
-        "ohm",
-        "Standard deviation of the resistance's white noise, beyond the model's own",
-        0.0,
-        0.0,
-        nominal=0.1,
+        "noise", "ohm", "Standard deviation of the resistance's white noise, beyond the model's own", 0.0, 0.0, nominal=0.1
     ),
     input_("resistance", "ohm", "Measured resistance, one sample per step", 100.0, nominal=100.0),
     output("strain", "1", "Estimated strain, delay seconds ago", minimum=0.0, nominal=0.1),

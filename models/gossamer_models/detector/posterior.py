@@ -140,11 +140,7 @@ def fuzzy_rules(arrays: Sequence[Matrix], x: ca.MX) -> list[ca.MX]:
 
 def posterior(logit: ca.MX, mean: ca.MX, spread: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
     """Turn heads, shape (z,) each, into probability, and mean and standard deviation of the damage of a damaged zone."""
-    return (
-        1.0 / (1.0 + ca.exp(-logit)),
-        ca.fmax(mean, 0.0),
-        SPREAD * ca.exp(ca.fmax(-SPREADS, ca.fmin(SPREADS, spread))),
-    )
+    return (1.0 / (1.0 + ca.exp(-logit)), ca.fmax(mean, 0.0), SPREAD * ca.exp(ca.fmax(-SPREADS, ca.fmin(SPREADS, spread))))
 
 
 def risk_of(P: ca.MX, m: ca.MX, sd: ca.MX) -> ca.MX:

@@ -180,13 +180,7 @@ class NetworkFit:
     """
 
     def __init__(
-        self,
-        parts: Components,
-        x: Rows32,
-        train: Windows,
-        sensing: Sensing,
-        training: Training,
-        symmetry: Symmetry,
+        self, parts: Components, x: Rows32, train: Windows, sensing: Sensing, training: Training, symmetry: Symmetry
     ) -> None:
         self.parts, self.sensing, self.training, self.symmetry = parts, sensing, training, symmetry
         self.random = random = np.random.default_rng((training.seed, 1))

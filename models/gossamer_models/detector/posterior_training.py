@@ -119,11 +119,7 @@ def split(cut: records.Windows, t: records.Training) -> tuple[records.Windows, r
 
 
 def _train_window(
-    cut: records.Windows,
-    sensing: records.Sensing,
-    symmetry: Symmetry,
-    t: records.Training,
-    report: Callable[[], None],
+    cut: records.Windows, sensing: records.Sensing, symmetry: Symmetry, t: records.Training, report: Callable[[], None]
 ) -> tuple[PosteriorWindow, list[float]]:
     random = np.random.default_rng(t.seed)
     train, calibration, _ = split(cut, t)

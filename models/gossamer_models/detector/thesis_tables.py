@@ -80,11 +80,7 @@ SINGLE_TRAINING = ThesisTables(
     noisy=np.vstack([_NONE, _NOISY]),
 )
 MULTIPLE_TRAINING = ThesisTables(
-    name="Tables 7.4 and 7.5",
-    cases=tuple(range(1, 9)),
-    damages=_cases("multiple"),
-    clean=_rows("7.4"),
-    noisy=_rows("7.5"),
+    name="Tables 7.4 and 7.5", cases=tuple(range(1, 9)), damages=_cases("multiple"), clean=_rows("7.4"), noisy=_rows("7.5")
 )
 TABLES = (SINGLE_TRAINING, MULTIPLE_TRAINING)
 GROUPS = (  # of the test cases: what, tables, and which of them

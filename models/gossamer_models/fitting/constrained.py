@@ -151,11 +151,7 @@ class GaussNewton:
         stacked = ca.vertcat(*values)
         self._value, self._by_q, self._by_t = (
             _Fast(ca.Function(name, [q, t], [ca.densify(result)]), self.linear, self.others)
-            for name, result in (
-                ("value", stacked),
-                ("by_q", ca.jacobian(stacked, q)),
-                ("by_t", ca.jacobian(stacked, t)),
-            )
+            for name, result in (("value", stacked), ("by_q", ca.jacobian(stacked, q)), ("by_t", ca.jacobian(stacked, t)))
         )
         self._projected_at = b""
         self._projected: list[Matrix] = []

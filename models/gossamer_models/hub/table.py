@@ -42,12 +42,7 @@ VARIABLES = (
     ),
     *array(input_, "force", "N", f"Force of the appendage, mean over its step, {_BODY}", 0.0, 1e9),
     *array(
-        input_,
-        "torque",
-        "N m",
-        f"Torque of the appendage about the hub's origin, mean over its step, {_BODY}",
-        0.0,
-        1e9,
+        input_, "torque", "N m", f"Torque of the appendage about the hub's origin, mean over its step, {_BODY}", 0.0, 1e9
     ),
     *array(input_, "thruster_force", "N", f"Force of the thrusters, {_BODY}", 0.0, 1e9),
     *array(input_, "thruster_torque", "N m", f"Torque of the thrusters about the hub's origin, {_BODY}", 0.0, 1e9),

@@ -35,10 +35,7 @@ _STEP = 0.9  # of the stable step
 
 
 def relax(
-    balance: Callable[[ca.MX], tuple[ca.MX, ca.MX, ca.MX]],
-    q: ca.MX,
-    mass: ca.MX,
-    given: list[tuple[ca.MX, ca.MX]],
+    balance: Callable[[ca.MX], tuple[ca.MX, ca.MX, ca.MX]], q: ca.MX, mass: ca.MX, given: list[tuple[ca.MX, ca.MX]]
 ) -> tuple[ca.MX, ca.MX]:
     r"""Write the equilibrium that damped motion reaches from ``q``.
 

@@ -272,13 +272,7 @@ FRAME_PARAMETERS = (
 _MEAN = "mean over the step"
 FRAME_INPUTS = (
     *_vector(
-        input_,
-        "frame_acceleration",
-        "m/s2",
-        f"Acceleration of the frame's origin less gravity, {_MEAN}",
-        0.0,
-        1e5,
-        10.0,
+        input_, "frame_acceleration", "m/s2", f"Acceleration of the frame's origin less gravity, {_MEAN}", 0.0, 1e5, 10.0
     ),
     *_vector(input_, "angular_velocity", "rad/s", "Angular velocity of the frame at the end of the step", 0.0, 1e3, 0.1),
     *_vector(input_, "angular_acceleration", "rad/s2", f"Angular acceleration of the frame, {_MEAN}", 0.0, 1e6, 1.0),

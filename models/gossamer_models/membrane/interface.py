@@ -23,25 +23,14 @@ COMPRESSED = 0.1  # share of the area [1] beyond which a law that carries compre
 
 def mesh_variables(setup: Setup, zone_names: tuple[str, ...], n_nodes: int) -> tuple[Variable, ...]:
     """Make the table of a setup on a mesh of some nodes: parameters, inputs, outputs and locals."""
-    return (
-        *_parameters(setup),
-        *_inputs(setup, zone_names),
-        *_outputs(setup),
-        *node_rows(setup, n_nodes),
-        *_locals(setup),
-    )
+    return (*_parameters(setup), *_inputs(setup, zone_names), *_outputs(setup), *node_rows(setup, n_nodes), *_locals(setup))
 
 
 def _parameters(setup: Setup) -> list[Variable]:
     built_in = [replace(v, start=getattr(setup, v.name, v.start)) for v in BUILT_IN]
     moduli = [
         parameter(
-            f"youngs_modulus[{i + 1}]",
-            "Pa",
-            f"Young's modulus of region {r.group or i + 1}",
-            r.youngs_modulus,
-            1.0,
-            1e13,
+            f"youngs_modulus[{i + 1}]", "Pa", f"Young's modulus of region {r.group or i + 1}", r.youngs_modulus, 1.0, 1e13
         )
         for i, r in enumerate(setup.regions)
     ]

@@ -27,13 +27,7 @@ Columns: TypeAlias = list[Entry]  # along x, y and z
 
 
 def at_points(
-    setup: Setup,
-    T: NDArray[np.object_],
-    element: Element,
-    w: Entry,
-    shared: Mapping[str, Entry],
-    limit: Entry,
-    tilt: Entry,
+    setup: Setup, T: NDArray[np.object_], element: Element, w: Entry, shared: Mapping[str, Entry], limit: Entry, tilt: Entry
 ) -> tuple[Any, list[Entry], Entry, Entry, Entry]:
     """Return what points add: stress, load, bound of the squared frequency [1/s2], twice the strain, area compressed."""
     extras: dict[str, Any] = {}
@@ -44,13 +38,7 @@ def at_points(
         light = [shared[f"light_{axis}"] for axis in "xyz"]
         extras |= {"light": light, "absorbed": shared["absorbed"], "mirrored": shared["mirrored"]}
     at = element_points(
-        T,
-        element,
-        w,
-        shared["D"],
-        shared.get("nu", setup.regions[0].poisson_ratio),
-        shared["pressure"],
-        Extras(**extras),
+        T, element, w, shared["D"], shared.get("nu", setup.regions[0].poisson_ratio), shared["pressure"], Extras(**extras)
     )
     k = setup.inplane_mass
     lighter = tilt + (1.0 - tilt) / k  # one over the factor on the inertia that stress along the surface moves

@@ -195,12 +195,7 @@ def _geometry(nodes: int, order: int) -> Vector:
     if nodes == 8:  # serendipity, Eq. (3.7.6) of Hughes, The Finite Element Method, 1987
         x, y = 2.0 * s, 2.0 * t
         corner = [(1 + a * x) * (1 + b * y) * (a * x + b * y - 1) / 4 for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-        middle = [
-            (1 - x**2) * (1 - y) / 2,
-            (1 + x) * (1 - y**2) / 2,
-            (1 - x**2) * (1 + y) / 2,
-            (1 - x) * (1 - y**2) / 2,
-        ]
+        middle = [(1 - x**2) * (1 - y) / 2, (1 + x) * (1 - y**2) / 2, (1 - x**2) * (1 + y) / 2, (1 - x) * (1 - y**2) / 2]
         return np.column_stack([*corner, *middle])
     knots = np.array([-0.5, 0.5]) if nodes < 9 else np.array([-0.5, 0.0, 0.5])
     where = (

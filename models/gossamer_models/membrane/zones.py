@@ -96,12 +96,7 @@ def _mistakes_of(zone: Zone) -> Iterator[Mistake]:
         value = getattr(zone, name)
         if isinstance(value, tuple) and (any(a >= b for a, b in pairwise(value)) or not all(map(math.isfinite, value))):
             yield Mistake((name,), f"{name!r} are not in order. Write rising lengths, or how many there are.")
-    for name, values in (
-        ("sectors", zone.sectors),
-        ("rings", zone.rings),
-        ("slices", zone.slices),
-        ("parts", zone.parts),
-    ):
+    for name, values in (("sectors", zone.sectors), ("rings", zone.rings), ("slices", zone.slices), ("parts", zone.parts)):
         counts = values if isinstance(values, tuple) and name == "sectors" else (values,)
         if any(isinstance(k, int) and not 0 <= k <= MOST_ZONES for k in counts) or (len(counts) > 1 and 0 in counts):
             yield Mistake((name,), f"{name!r} is {values}. Write 1 to {MOST_ZONES}.")

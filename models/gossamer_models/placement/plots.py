@@ -128,14 +128,7 @@ def _sensor(number: int, sensor: Any, view: Array, size: float) -> Trace:  # noq
     x, y = np.array([point - half, point, point + half]).T
     look = {"mode": "lines+markers", "line": {"color": "#D55E00", "width": 4}}
     marker = {"color": "#D55E00", "size": [1, 9, 1], "line": {"color": "#ffffff", "width": 1}}
-    return {
-        "type": "scatter",
-        "name": f"sensor {number + 1}",
-        "x": x,
-        "y": y,
-        "marker": marker,
-        "hoverinfo": "name",
-    } | look
+    return {"type": "scatter", "name": f"sensor {number + 1}", "x": x, "y": y, "marker": marker, "hoverinfo": "name"} | look
 
 
 def _scale(limits: Array) -> Trace:

@@ -82,12 +82,7 @@ class Judged:
         stretch = "stretch to which the scales are fitted" if self.scales else "first stretch"
         fitted, own = "scales fitted" if self.scales else "", self.recovered
         return ModelledRecord(
-            record=self.record,
-            predicted=self.predicted,
-            recovered=own,
-            first=self.first,
-            stretch=stretch,
-            fitted=fitted,
+            record=self.record, predicted=self.predicted, recovered=own, first=self.first, stretch=stretch, fitted=fitted
         )
 
     def stretches(self) -> dict[str, Rows]:
@@ -154,10 +149,7 @@ class Judged:
             NRMSE [% of range] of "resistance", and of the strain by each compensator that delivers any there, by its name.
         """
         record, rows = self.record, self.judged()
-        cubic = (
-            error_interval(record.resistance, self.cubic, rows),
-            error_interval(record.strain, self.cubic_strain, rows),
-        )
+        cubic = (error_interval(record.resistance, self.cubic, rows), error_interval(record.strain, self.cubic_strain, rows))
         found = {"resistance": (error_interval(record.resistance, self.predicted, rows), cubic[0])}
         for name, each in self.recovered.items():
             delivered = rows & np.isfinite(each.strain)

@@ -234,8 +234,7 @@ class SensorArtifact:
         again = "Identify the sensor again."
         methods = ", ".join(METHODS)
         require(
-            self.compensator in (None, *METHODS),
-            f"the compensator is {self.compensator!r}; it is one of {methods}. {again}",
+            self.compensator in (None, *METHODS), f"the compensator is {self.compensator!r}; it is one of {methods}. {again}"
         )
         require(
             self.noise is None or 0.0 <= self.noise < np.inf,

@@ -27,14 +27,7 @@ DIRECT = {
     "relaxation_ridge": 3e-3,
     "starts": 1,
 }
-OF_EITHER_SIGN = {
-    **DIRECT,
-    "signed": True,
-    "knots": 6,
-    "smoothness": 5e-5,
-    "density_ridge": 5e-5,
-    "relaxation_ridge": 5e-5,
-}
+OF_EITHER_SIGN = {**DIRECT, "signed": True, "knots": 6, "smoothness": 5e-5, "density_ridge": 5e-5, "relaxation_ridge": 5e-5}
 
 
 @dataclass(frozen=True, slots=True)

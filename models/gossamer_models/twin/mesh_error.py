@@ -173,10 +173,7 @@ class MeshErrors:
     """
 
     def __init__(
-        self,
-        structure: Structure,
-        parameters: Mapping[str, float] | None = None,
-        report: Report = lambda *_: None,
+        self, structure: Structure, parameters: Mapping[str, float] | None = None, report: Report = lambda *_: None
     ) -> None:
         self.structure, self.parameters, self._report = structure, dict(parameters or {}), report
         self._known: dict[tuple[str, str, bytes], MeshError] = {}

@@ -47,11 +47,7 @@ class SensorBank:
     """
 
     def __init__(
-        self,
-        artifact: SensorArtifact,
-        count: int,
-        rest_strain: ArrayLike,
-        parameters: Mapping[str, ArrayLike] | None = None,
+        self, artifact: SensorArtifact, count: int, rest_strain: ArrayLike, parameters: Mapping[str, ArrayLike] | None = None
     ) -> None:
         self.artifact, model = artifact, sensor_model(artifact)
         starts = {v.name: v.start for v in model.variables if v.causality == "parameter" and v.start is not None}

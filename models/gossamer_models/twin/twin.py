@@ -133,10 +133,7 @@ class Twin:
         return self._forward.sensors
 
     def fit(
-        self,
-        record: ResponseRecord,
-        start: ArrayLike | None = None,
-        report: Callable[[float, int], None] = lambda *_: None,
+        self, record: ResponseRecord, start: ArrayLike | None = None, report: Callable[[float, int], None] = lambda *_: None
     ) -> Answer:
         """Find the damages that explain a record.
 

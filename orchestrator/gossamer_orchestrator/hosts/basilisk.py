@@ -25,11 +25,7 @@ from .debt import Array, Debt, turn
 
 _MOTION = [f"{name}[{k}]" for name in ("frame_acceleration", "angular_velocity", "angular_acceleration") for k in (1, 2, 3)]
 _REACTION = [f"{name}[{k}]" for name in ("force", "torque") for k in (1, 2, 3)]
-_HELD = [
-    "held_mass",
-    *(f"held_first_moment[{k}]" for k in range(1, 4)),
-    *(f"held_inertia[{k}]" for k in range(1, 7)),
-]
+_HELD = ["held_mass", *(f"held_first_moment[{k}]" for k in range(1, 4)), *(f"held_inertia[{k}]" for k in range(1, 7))]
 _LONGEST = 1e9  # [s], end of the run that the FMU is given: Basilisk decides when it ends
 
 

@@ -84,10 +84,7 @@ class Reader:
         self.time: Array = data["time"].to_numpy()
         self.true = self._true()
         self.late = self._recorded(f"{compensator}.strain")
-        self.resistance, self.reading = (
-            self._recorded(f"{sensor}.resistance"),
-            self._recorded(f"{compensator}.resistance"),
-        )
+        self.resistance, self.reading = (self._recorded(f"{sensor}.resistance"), self._recorded(f"{compensator}.resistance"))
         self.deviation = self._recorded(f"{compensator}.strain_deviation") if self.late else ""
         stated = self._recorded(f"{compensator}.delay")
         self.delay = float(data[stated][-1]) if stated else 0.0

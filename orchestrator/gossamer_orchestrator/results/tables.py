@@ -74,11 +74,7 @@ def window_table(ended: Sequence[Judgement], most: int | None = None) -> TableTe
         zone = int(np.argmax(judgement.estimated))
         found = judgement.estimated[zone] >= LEAST_SHOWN
         true = f"{100 * judgement.true[zone]:.0f}" if found else "-"
-        cells = [
-            f"{judgement.time:.4f}",
-            judgement.label(zone) if found else "-",
-            f"{100 * judgement.estimated[zone]:.1f}",
-        ]
+        cells = [f"{judgement.time:.4f}", judgement.label(zone) if found else "-", f"{100 * judgement.estimated[zone]:.1f}"]
         cells += [true, f"{100 * judgement.mean_absolute_error:.2f}"] * known
         rows.append((*cells, f"{judgement.likeness_value:.2g}", "yes" if judgement.valid else "no"))
     some = f", the last {len(rows)} of {len(ended)}" if len(rows) < len(ended) else ""

@@ -242,10 +242,7 @@ def order_components(draft: Draft, connections: Iterable[Connection], fed: Mappi
     for c in connections if scenario.master == "gauss-seidel" else ():
         early = place.get(c.sender, len(place)) < place.get(c.receiver, -1)
         if c.delayed and (early or c.target in iterated):
-            inside, before = (
-                "both ends are in a group, where nothing delays",
-                f"{c.sender!r} steps before {c.receiver!r}",
-            )
+            inside, before = ("both ends are in a group, where nothing delays", f"{c.sender!r} steps before {c.receiver!r}")
             text = f"the connection {c.origin} -> {c.target} does not delay: {inside if c.target in iterated else before}."
             problems.add(("connections", fed[c.target], "delayed"), f"{text} Remove 'delayed', or change the order.")
     connections = [c for c in connections if not c.delayed]

@@ -48,12 +48,7 @@ def load_scenario(path: Path, *, step: float | None = None, stop: float | None =
 
 
 def parse_scenario(
-    text: str,
-    *,
-    name: str = "scenario",
-    folder: Path | None = None,
-    step: float | None = None,
-    stop: float | None = None,
+    text: str, *, name: str = "scenario", folder: Path | None = None, step: float | None = None, stop: float | None = None
 ) -> Scenario:
     """Check the text of a scenario; ``name`` stands in messages, paths of FMUs are relative to ``folder``."""
     content = parse_toml(text, name, "scenario")

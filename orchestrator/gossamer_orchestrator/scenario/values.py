@@ -68,12 +68,7 @@ def start_values(draft: Draft, name: str, connected: set[str], fed: set[str]) ->
 
 
 def expand(
-    place: Location,
-    given: Mapping[str, Given],
-    fmu: FmuFile,
-    candidates: list[str],
-    kind: str,
-    problems: Problems,
+    place: Location, given: Mapping[str, Given], fmu: FmuFile, candidates: list[str], kind: str, problems: Problems
 ) -> dict[str, Any]:
     """Resolve names and patterns to values; a name beats a pattern, a later pattern an earlier one.
 

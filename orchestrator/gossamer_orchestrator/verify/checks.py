@@ -105,10 +105,7 @@ def _description(subject: Subject) -> Outcome:
     version = subject.description.fmiVersion
     if subject.version not in (2, 3) or subject.can is None:
         kind = "" if subject.can else " for scheduled execution"
-        return (
-            FAILED,
-            f"It is FMI {version}{kind}; only FMI 2.0 and 3.0 for co-simulation and model exchange are checked.",
-        )
+        return (FAILED, f"It is FMI {version}{kind}; only FMI 2.0 and 3.0 for co-simulation and model exchange are checked.")
     tool = subject.description.generationTool or "an unnamed tool"
     kind = "model exchange" if subject.exchange else "co-simulation"
     return PASSED, f"FMI {version} for {kind}, {len(subject.variables)} variables, made by {tool}."

@@ -32,16 +32,7 @@ def test_another_record_is_read_judged_and_drawn(folder):
     assert all(path.is_file() for path in files)
     told = result.stderr
     assert told.index("UTF-16, semicolons") < told.index("NRMSE")  # what was read stands before any result
-    for text in (
-        "decimal commas",
-        "kΩ",
-        "ms",
-        "0 to 7.9",
-        "300 samples",
-        "0.5 s",
-        "no gap",
-        "scales fitted",
-    ):
+    for text in ("decimal commas", "kΩ", "ms", "0 to 7.9", "300 samples", "0.5 s", "no gap", "scales fitted"):
         assert text in told, text
 
 

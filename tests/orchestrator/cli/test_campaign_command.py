@@ -117,14 +117,8 @@ def test_cases_that_failed_are_listed_with_what_was_drawn(call, tmp_path):
 MISTAKES = {
     "syntax": (("cases = 6", "cases = "), r"^c.toml:2: Invalid value, column 9\. Correct the TOML syntax there\.$"),
     "unknown key": (("chunk", "chnk"), r"^c.toml:3: unknown key 'chnk'\. Did you mean 'chunk'\?$"),
-    "unknown key of a table": (
-        ("zones", "zone"),
-        r"^c.toml:12: unknown key 'zone' in 'damage'\. Did you mean 'zones'\?$",
-    ),
-    "unknown key of a range": (
-        ("factor", "fator"),
-        "^c.toml:15: unknown key 'fator' in 'vary.press.*'factor'",
-    ),
+    "unknown key of a table": (("zones", "zone"), r"^c.toml:12: unknown key 'zone' in 'damage'\. Did you mean 'zones'\?$"),
+    "unknown key of a range": (("factor", "fator"), "^c.toml:15: unknown key 'fator' in 'vary.press.*'factor'"),
     "unknown distribution": (("uniform", "unifrm"), "^c.toml:18: unknown key 'unifrm' in 'noise.strain'.*'uniform'"),
     "unknown parameter": (
         ("{ mass_damping", "{ mass_damp"),
@@ -135,24 +129,15 @@ MISTAKES = {
         r"^c.toml:15: the membrane has no 'pressure_amplitud' to vary\. Did you mean 'pressure_amplitude'\?$",
     ),
     "text for a number": (("cases = 6", 'cases = "6"'), "^c.toml:2: 'cases': input should be a valid integer, not '6'"),
-    "another sampling": (
-        ("cases = 6", 'cases = 6\nsampling = "sobol"'),
-        "^c.toml:3: 'sampling': input should be 'random'",
-    ),
+    "another sampling": (("cases = 6", 'cases = 6\nsampling = "sobol"'), "^c.toml:3: 'sampling': input should be 'random'"),
     "one number for two": (("[1, 2]", "[1]"), r"^c.toml:12: 'zones' needs two numbers, \[low, high\]\.$"),
     "three numbers for two": (("[1, 2]", "[1, 2, 3]"), r"^c.toml:12: 'zones' needs two numbers, \[low, high\]\.$"),
     "infinite": (("[0.9, 1.1]", "[0.9, inf]"), "^c.toml:15: .*should be a finite number"),
     "wrong order": (("[1, 2]", "[2, 1]"), r"^c.toml:12: 'zones' is \[2, 1\]. Write two numbers from 0 to 16"),
-    "beyond the range": (
-        ("[0.9, 1.1]", "[0.9, 1000]"),
-        "^c.toml:15: 'pressure_amplitude' reaches 1e[+]07; .* 1e[+]06 Pa",
-    ),
+    "beyond the range": (("[0.9, 1.1]", "[0.9, 1000]"), "^c.toml:15: 'pressure_amplitude' reaches 1e[+]07; .* 1e[+]06 Pa"),
     "part of a step": (("0.003", "0.0031"), "^c.toml:4: 'stop' = 0.0031 s is no whole number of steps"),
     "table for a list": (("[1, 2]", "{ a = 1 }"), "^c.toml:12: 'zones' in 'damage': input should be a valid array"),
-    "a date": (
-        ("cases = 6", "cases = 2020-01-01"),
-        "^c.toml:2: 'cases': input should be a valid integer, not '2020-01-01'",
-    ),
+    "a date": (("cases = 6", "cases = 2020-01-01"), "^c.toml:2: 'cases': input should be a valid integer, not '2020-01-01'"),
 }
 
 

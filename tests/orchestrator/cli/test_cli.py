@@ -60,17 +60,7 @@ def test_a_failing_run_says_where_its_results_are(call, fmus, tmp_path):
 
 def test_a_process_whose_fmu_broke_ends_in_order(fmus, tmp_path):
     (tmp_path / "f.toml").write_text(FRAGILE)
-    command = [
-        sys.executable,
-        "-m",
-        "gossamer",
-        "run",
-        tmp_path / "f.toml",
-        "--fmus",
-        fmus,
-        "--out",
-        tmp_path,
-    ]
+    command = [sys.executable, "-m", "gossamer", "run", tmp_path / "f.toml", "--fmus", fmus, "--out", tmp_path]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 1, done.stderr
     assert "100 %s of it broke" in done.stderr

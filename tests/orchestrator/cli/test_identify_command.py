@@ -112,12 +112,7 @@ def test_a_record_becomes_a_fractional_sensor_that_runs_as_its_model(measured, t
         list(zip(record.time, np.append(record.strain[1:], 0.0), strict=True)), dtype=[("t", "f8"), ("strain", "f8")]
     )
     ran = fmpy.simulate_fmu(
-        str(tmp_path / "sensor.fmu"),
-        stop_time=119.5,
-        step_size=0.5,
-        output_interval=0.5,
-        input=given,
-        output=["resistance"],
+        str(tmp_path / "sensor.fmu"), stop_time=119.5, step_size=0.5, output_interval=0.5, input=given, output=["resistance"]
     )
     assert ran["resistance"][1:] == pytest.approx(predict(artifact, record.strain, 0.5)[1:], abs=1e-6)
 
@@ -217,10 +212,7 @@ def test_a_simple_model_that_recovers_strain_better_is_a_warning_beside_the_comm
 def test_what_cannot_be_identified_is_said_in_one_message(measured, tmp_path):
     for arguments, message in (
         ([str(measured), "--model", "neural"], "there is no model 'neural'; choose one of auto, preisach"),
-        (
-            [str(measured), "--model", "preisach", "--budget", "9"],
-            "--budget is the time for the choice of --model auto",
-        ),
+        ([str(measured), "--model", "preisach", "--budget", "9"], "--budget is the time for the choice of --model auto"),
         ([str(measured), "--modes", "3", "--budget", "9"], "and preisach chooses nothing"),
         ([str(measured), "--model", "auto", "--modes", "3"], "--model auto chooses modes itself"),
         ([str(measured), "--train", "900:"], "no sample lies in '900:'"),

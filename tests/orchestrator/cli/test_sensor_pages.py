@@ -124,15 +124,7 @@ def test_the_verdict_and_the_facts_have_the_numbers_of_the_fit(identified):
     for path in (folder / "sensor.json", folder / "measured.csv"):
         assert hashlib.sha256(path.read_bytes()).hexdigest() in text
     artifact = SensorArtifact.read(folder / "sensor.json")
-    for fact in (
-        "strain [%]",
-        "R_ohm",
-        "480 samples",
-        "no gap",
-        "Wall time",
-        "casadi",
-        artifact.provenance["settings"],
-    ):
+    for fact in ("strain [%]", "R_ohm", "480 samples", "no gap", "Wall time", "casadi", artifact.provenance["settings"]):
         assert fact in text, fact
     assert " ".join(answer.stderr.split()).count("90 % confidence") == 1
 

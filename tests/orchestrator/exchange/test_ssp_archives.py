@@ -26,10 +26,7 @@ def raw(path: Path, *names: str, mode: int = 0o644) -> Path:
 
 @pytest.mark.parametrize("name", ["../evil", "/etc/evil", "a\\b", "C:evil"])
 def test_an_archive_that_leaves_its_folder_is_refused(tmp_path, name):
-    with (
-        pytest.raises(ScenarioError, match="would be written outside its folder"),
-        open_ssp(raw(tmp_path / "a.ssp", name)),
-    ):
+    with pytest.raises(ScenarioError, match="would be written outside its folder"), open_ssp(raw(tmp_path / "a.ssp", name)):
         pass
 
 

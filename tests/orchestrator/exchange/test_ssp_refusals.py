@@ -92,11 +92,7 @@ def test_what_cannot_run_is_refused_by_name(make, case):
 @pytest.mark.parametrize(
     ("old", "new", "reason"),
     [
-        (
-            ' startConnector="y"',
-            "",
-            r"missing required attribute 'startConnector' \(at /ssd:SystemStructureDescription/",
-        ),
+        (' startConnector="y"', "", r"missing required attribute 'startConnector' \(at /ssd:SystemStructureDescription/"),
         ('<Component name="a" ', "<Component ", "missing required attribute"),
         ('factor="2"', 'factor="two"', r"attribute factor='two': .*/ssd:Connection/ssc:LinearTransformation\)"),
         ('value="1.0"', "", "parameter binding of component 'a': 'u' is None, which is no Real"),
@@ -111,8 +107,7 @@ def test_what_the_schema_forbids_is_refused_with_its_place(make, old, new, reaso
 
 
 @pytest.mark.parametrize(
-    "declaration",
-    ['<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;">', '<!ENTITY b SYSTEM "file:///etc/hostname">', ""],
+    "declaration", ['<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;">', '<!ENTITY b SYSTEM "file:///etc/hostname">', ""]
 )
 @pytest.mark.parametrize("where", ["SystemStructure.ssd", "set.ssv"])
 def test_a_document_type_definition_is_refused_in_every_file(make, declaration, where):

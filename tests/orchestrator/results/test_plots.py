@@ -90,10 +90,7 @@ def test_a_judgement_spans_its_window_also_the_last(data, run):
 def test_the_history_of_damage_marks_what_the_twin_saw(data, run, tmp_path):
     watch = {"alarms": [6.0, 7.0], "findings": [{"onset": 5.2, "onset_deviation": 0.1, "damage": [0.3]}]}
     ax = history(run(data, watch))
-    assert {name: named(ax).count(name) for name in ("alarm, twin", "onset, twin")} == {
-        "alarm, twin": 1,
-        "onset, twin": 1,
-    }
+    assert {name: named(ax).count(name) for name in ("alarm, twin", "onset, twin")} == {"alarm, twin": 1, "onset, twin": 1}
     dashed = [line.get_xdata()[0] for line in ax.lines if line.get_linestyle() == "-."]
     assert [x for x in dashed if np.isfinite(x)] == [6.0, 7.0]
     assert [5.2] in [line.get_xdata().tolist() for line in ax.lines if line.get_marker() == "D"]

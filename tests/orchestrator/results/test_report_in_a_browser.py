@@ -60,10 +60,7 @@ def test_a_judgement_that_is_not_valid_is_grey_says_so_and_calls_no_zone_damaged
     zones, bars, membrane, history = (
         named.format(title) for title in ("Damage of the zones", "Damage of each", "Membrane", "Damage over time")
     )
-    words, grey = (
-        "{}.data.flatMap(each => each.text || []).filter(each => each.includes('valid'))",
-        "theme().unsure[1][1]",
-    )
+    words, grey = ("{}.data.flatMap(each => each.text || []).filter(each => each.includes('valid'))", "theme().unsure[1][1]")
     for instant, said in (("page.content.frames.length - 1", ["<b>not valid</b>"]), ("5", [])):
         page.evaluate(f"setInstant({instant})")
         page.evaluate("page.figures.forEach(moveFigure)")

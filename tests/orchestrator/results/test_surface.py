@@ -210,10 +210,7 @@ def test_shapes_are_drawn_on_the_page_and_as_a_picture(known, tmp_path):
     assert drawn["factor"] == 100.0  # 2 mm of 2 m are drawn as a tenth
     assert numbers(drawn["places"])[-1].reshape(-1, 3)[:, 2] == pytest.approx(0.2)
     assert len(drawn["triangles"]) == 16
-    assert [len(pairs) for pairs in drawn["borders"]] == [
-        16,
-        24,
-    ]  # two nodes of each side around the zone, and around all
+    assert [len(pairs) for pairs in drawn["borders"]] == [16, 24]  # two nodes of each side around the zone, and around all
     result = invoke(["plot", str(tmp_path), "--format", "svg", "--out", str(tmp_path / "svg")])
     names = {line.rpartition("/")[2] for line in result.stdout.splitlines()}
     assert "deflection.svg" in names

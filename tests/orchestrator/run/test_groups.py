@@ -291,10 +291,7 @@ WRONG = {
         'components = ["one", "two"]\n[[groups]]\ncomponents = ["two", "one"]',
         "component 'two' stands in another group, too. Name it once.",
     ),
-    "no connection": (
-        'components = ["two"]',
-        "the group's components are not connected to each other. Remove the group.",
-    ),
+    "no connection": ('components = ["two"]', "the group's components are not connected to each other. Remove the group."),
     "no tolerance": ('components = ["one", "two"]\ntolerance = 0.0', "tolerance"),
     "no sweeps": ('components = ["one", "two"]\nsweeps = 0', "sweeps"),
     "another key": ('components = ["one", "two"]\nsweep = 3', "sweeps"),

@@ -235,10 +235,7 @@ def test_a_second_run_into_one_folder_is_refused(start):
     run = start(STOPS)
     run.wait_for_rows()
     code, text = start(STOPS).end()
-    assert (code, text) == (
-        1,
-        f"another run writes to {run.out}. Wait for its end, or name another place with --out.\n",
-    )
+    assert (code, text) == (1, f"another run writes to {run.out}. Wait for its end, or name another place with --out.\n")
     run.gate.touch()
     assert run.end()[0] == 0
 

@@ -40,13 +40,7 @@ def call(fmus, tmp_path):
 
 def test_ranges_are_numbers_whole_numbers_and_lists():
     ranges = read_ranges(["a.x=0:0.5:3", "seed=1:3", "b.n=1,2.5,true", "c.v=[1, 2]", "d.t='x,y'"])
-    assert ranges == {
-        "a.x": [0.0, 0.25, 0.5],
-        "seed": [1, 2, 3],
-        "b.n": [1, 2.5, True],
-        "c.v": [[1, 2]],
-        "d.t": ["x,y"],
-    }
+    assert ranges == {"a.x": [0.0, 0.25, 0.5], "seed": [1, 2, 3], "b.n": [1, 2.5, True], "c.v": [[1, 2]], "d.t": ["x,y"]}
 
 
 def test_all_values_are_combined_the_last_fastest():

@@ -34,22 +34,12 @@ def values(fmus, *texts):
 
 def test_a_value_beats_every_one_of_the_file(fmus):
     start = values(fmus, "one.factor=3", "one.offset[1] = 7.5", "one.u=-1")
-    assert (start["one.factor"], start["one.offset[1]"], start["one.offset[2]"], start["one.u"]) == (
-        3.0,
-        7.5,
-        0.0,
-        -1.0,
-    )
+    assert (start["one.factor"], start["one.offset[1]"], start["one.offset[2]"], start["one.u"]) == (3.0, 7.5, 0.0, -1.0)
 
 
 def test_a_pattern_sets_several_components_and_elements(fmus):
     start = values(fmus, "*.factor=4", "one.offset[*]=1")
-    assert (start["one.factor"], start["two.factor"], start["one.offset[1]"], start["two.offset[1]"]) == (
-        4.0,
-        4.0,
-        1.0,
-        0.0,
-    )
+    assert (start["one.factor"], start["two.factor"], start["one.offset[1]"], start["two.offset[1]"]) == (4.0, 4.0, 1.0, 0.0)
 
 
 def test_an_array_is_set_as_a_whole_and_a_later_value_beats_an_earlier_one(fmus):

@@ -73,10 +73,7 @@ def test_a_history_may_come_from_netcdf_and_in_a_stated_unit(measured, tmp_path)
     write(2.0, "ms")
     assert measured(None, file="measured.nc")["gain.y"].values[-1] == pytest.approx(1500.0)
     assert measured(None, 'unit = "hPa"', file="measured.nc")["gain.y"].values[-1] == pytest.approx(0.15)
-    for last, unit, message in (
-        (np.inf, "ms", "no finite number at 2 s"),
-        (2.0, "V", "'t' is 'V', which is none of time"),
-    ):
+    for last, unit, message in ((np.inf, "ms", "no finite number at 2 s"), (2.0, "V", "'t' is 'V', which is none of time")):
         write(last, unit)
         with pytest.raises(ScenarioError, match=message):
             measured(None, file="measured.nc", act=make_plan)
@@ -119,11 +116,7 @@ def test_common_units_are_known(name, expected):
 
 REFUSALS = {
     "no such column": ("t,lode\n0,0\n", "", "measured.csv, line 1: there is no column 'load'. Did you mean 'lode'?"),
-    "two columns": (
-        "t,load [Pa],load [kPa]\n0,0,0\n",
-        "",
-        "line 1: several columns are called 'load'. Rename all but one",
-    ),
+    "two columns": ("t,load [Pa],load [kPa]\n0,0,0\n", "", "line 1: several columns are called 'load'. Rename all but one"),
     "no number": ("t,load\n0,zero\n", "", "measured.csv, line 2: 'zero' under 'load' is no number"),
     "nothing": ("", "", "cannot read .*measured.csv: it is empty. Name a CSV file"),
     "a short row": ("t,load\n0\n", "", "measured.csv, line 2: there is no value under 'load'. Correct"),

@@ -27,10 +27,7 @@ PLAN_REFUSALS = {
         ('fmu = "gain"', 'fmu = "estimator"'),
         "chain.toml:7: there is no FMU 'estimator' in .* as the shipped scenario 'own_sensor_filter' does.",
     ),
-    "missing fmu file": (
-        ('fmu = "gain"', 'fmu = "nowhere/gain.fmu"'),
-        "chain.toml:7: there is no FMU 'nowhere/gain.fmu'",
-    ),
+    "missing fmu file": (('fmu = "gain"', 'fmu = "nowhere/gain.fmu"'), "chain.toml:7: there is no FMU 'nowhere/gain.fmu'"),
     "unknown component": (
         ('to = "integral.u"', 'to = "integrl.u"'),
         r"chain.toml:15: there is no component 'integrl' \(in 'integrl.u'\). Did you mean 'integral'",

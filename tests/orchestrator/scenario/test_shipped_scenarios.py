@@ -87,10 +87,7 @@ def test_in_service_nothing_but_what_instruments_see_is_recorded_and_the_damage_
     """30 % in zone 10 from 0.4 s on: within the second window, which is no judgement; the later ones find it."""
     data = run_scenario(shipped_scenarios()["in_service"], built("native")["sensor"].parent, tmp_path)
     assert load_shapes(tmp_path) == {}
-    assert {str(name).partition(".")[0] for name in data.data_vars} == {
-        *(f"estimator{k}" for k in range(1, 5)),
-        "detector",
-    }
+    assert {str(name).partition(".")[0] for name in data.data_vars} == {*(f"estimator{k}" for k in range(1, 5)), "detector"}
     found = windows(data)
     assert [judgement.valid for judgement in found] == [True, False, True, True]
     assert found[0].estimated.max() == 0.0

@@ -21,15 +21,9 @@ TEXT_REFUSALS = {
         "chain.toml:13: key 'to' in 'connections' is missing. Add it.",
     ),
     "wrong type": (("step = 0.1", 'step = "0.1"'), "chain.toml:3: 'step': input should be a valid number, not '0.1'."),
-    "step not positive": (
-        ("step = 0.1", "step = 0.0"),
-        "chain.toml:3: 'step': input should be greater than 0, not 0.0.",
-    ),
+    "step not positive": (("step = 0.1", "step = 0.0"), "chain.toml:3: 'step': input should be greater than 0, not 0.0."),
     "infinite stop": (("stop = 1.0", "stop = inf"), "chain.toml:4: 'stop': input should be a finite number, not inf."),
-    "stop before start": (
-        ("stop = 1.0", "stop = -1.0"),
-        r"chain.toml:4: 'stop' \(-1 s\) must lie after 'start' \(0 s\)",
-    ),
+    "stop before start": (("stop = 1.0", "stop = -1.0"), r"chain.toml:4: 'stop' \(-1 s\) must lie after 'start' \(0 s\)"),
     "stop between steps": (
         ("stop = 1.0", "stop = 1.04"),
         "chain.toml:4: 'stop' = 1.04 s is not a whole number of steps of 0.1 s after 'start'. The nearest is 1.",

@@ -22,12 +22,7 @@ from ..shapes import SLACK, TAUT, FaceStrains, ShapeHistory, face_strains
 from .damage import DamageHistory
 from .recorded import Recorded, over_time
 
-SENSORS = (
-    (1, 1),
-    (2, 1),
-    (1, 2),
-    (2, 2),
-)  # places of the sensors of a square in thirds of its side, as it numbers them
+SENSORS = ((1, 1), (2, 1), (1, 2), (2, 2))  # places of the sensors of a square in thirds of its side, as it numbers them
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

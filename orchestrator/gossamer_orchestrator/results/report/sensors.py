@@ -119,12 +119,7 @@ def loop_charts(run: Recorded, reader: Reader) -> list[Chart]:
         if shape := spectrum(run.time[rows], resistance):
             spectra.append(curve(title, *shape, f"@{k}", width=1.1))
     text = "Loops of resistance against strain: hysteresis and drift."
-    title, x, y, note = (
-        "Resistance against strain",
-        "strain [%]",
-        "resistance [ohm]",
-        "The diamond is the slider's time.",
-    )
+    title, x, y, note = ("Resistance against strain", "strain [%]", "resistance [ohm]", "The diamond is the slider's time.")
     charts = [Chart(title, x, y, loops, note=note, text=text, choice=reader.label, steps=_now(run, read, shift, measured))]
     if spectra:
         powers = {"type": "log", "dtick": 1, "labelalias": {1: "10<sup>0</sup>", 10: "10<sup>1</sup>"}}
