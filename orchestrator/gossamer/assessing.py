@@ -172,7 +172,7 @@ def assess(
     from gossamer_models.review import judge_files, save_judged
     from gossamer_models.tables import assessment_tables
 
-    from .pages.assess import assessment_page
+    from .pages.sensors import assessment_page
 
     artifact, paths, folder = Path(sensor), [Path(path) for path in several(files)], Path(out)
     keep_inputs([artifact, *paths], [folder, *(table_path(folder, each.name) for each in paths)])
@@ -329,7 +329,7 @@ def assess_detector(
     )
     from gossamer_models.assessment.plots import save_pictures
 
-    from .pages.assess_detector import assessment_page
+    from .pages.detectors import assessment_page
 
     folder, artifacts = Path(out), [Path(path) for path in several(artifact)]
     keep_inputs([*artifacts, setup, mesh], (folder / name for name in ("assessment.json", "assessment.npz")))

@@ -274,7 +274,7 @@ def train(
     from gossamer_models.detector.posterior_records import Training
     from gossamer_models.detector.posterior_training import train_posterior
 
-    from .pages.train import training_page
+    from .pages.detectors import training_page
 
     data, name = _data(source, window, **plan)
     training = Training.of(data, network=kind, window=window)
@@ -324,7 +324,7 @@ def _train_thesis(name: str, out: AnyPath | None) -> TrainedDetector:
     from gossamer_models.detector.thesis_training import TRAININGS, train_detector
     from gossamer_orchestrator.names import suggest
 
-    from .pages.train import thesis_page
+    from .pages.detectors import thesis_page
 
     if name not in TRAININGS:
         msg = f"the thesis has no training {name!r}. {suggest(name, TRAININGS)}"

@@ -228,7 +228,7 @@ def identify(
     from gossamer_models.identify import AUTO, identify_files, save_pictures, save_predictions, settings_for
     from gossamer_models.tables import UNITS
 
-    from .pages.identify import identification_page
+    from .pages.sensors import identification_page
 
     paths, artifact = [Path(path) for path in several(files)], json_file(out)
     keep_inputs(paths, [out, artifact])

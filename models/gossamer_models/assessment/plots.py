@@ -74,15 +74,13 @@ def save_pictures(found: AssessmentResults, folder: Path) -> list[Path]:
     return save_charts({re.sub("[^a-z0-9]+", "_", name.lower()): each for name, each in pictures.items()}, folder)
 
 
-def reliability_chart(observed: Sequence[Trace], note: str) -> Chart:
-    """Draw curves of the observed over the stated share of damages within an interval; right is the diagonal."""
-    title, right = (
-        "Observed over stated share of damages within an interval",
-        curve("right", [0.0, 1.0], [0.0, 1.0], "@grey", dash="dot"),
-    )
+def reliability_charts(observed: Sequence[Trace]) -> list[Chart]:
+    """Draw curves of the observed over the stated share of damages within an interval, if any; right is the diagonal."""
+    title = "Observed over stated share of damages within an interval"
+    right = curve("right", [0.0, 1.0], [0.0, 1.0], "@grey", dash="dot")
     traces = [right, *(each | {"mode": "lines+markers"} for each in observed)]
-    note = f"Below the line the stated deviations are too small. {note}"
-    return Chart(title, "stated share [1]", "observed share [1]", traces, note=note, tall=True)
+    note = "Below the line the stated deviations are too small. Damaged zones of valid records."
+    return [Chart(title, "stated share [1]", "observed share [1]", traces, note=note, tall=True)] if observed else []
 
 
 def _color(found: AssessmentResults, judge: str) -> str:
@@ -258,7 +256,7 @@ def _stated(found: AssessmentResults) -> list[Chart]:
         if np.isfinite(row.reliability).all():
             name = f"{row.judge}, {row.condition}: z rms {row.figures.damaged_z_rms:.2f}"
             traces.append(curve(name, NOMINAL, row.reliability, _color(found, row.judge), dash=STATED[row.condition]))
-    return [reliability_chart(traces, "Damaged zones of valid records.")] if traces else []
+    return reliability_charts(traces)
 
 
 def _confusions(found: AssessmentResults) -> list[Chart]:

@@ -1,1 +1,1 @@
-"""Pages of what the commands find, a file per command."""
+"""Pages of what the commands find."""

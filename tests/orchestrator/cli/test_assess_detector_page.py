@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from browsing import opened
-from gossamer.pages.assess_detector import MOST, assessment_page
+from gossamer.pages.detectors import MOST, assessment_page
 from gossamer_models.assessment import AssessmentResults, Verdicts, confusion, figures, fit_pod, reliability, share
 from gossamer_models.assessment.results import ConfusionRow, DetectionRow, Row, TableRow
 from gossamer_models.membrane import square_structure

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from browsing import opened
 from command_line import invoke
-from gossamer.pages.comparison import Comparison, verdict
+from gossamer.pages.sensors import Comparison, verdict
 from gossamer_models.automatic import HERE
 from gossamer_models.fitting.errors import nrmse
 from gossamer_models.sensor import RelaxationTerm, SensorArtifact, default_artifact

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from gossamer.pages.train import thesis_page, training_page
+from gossamer.pages.detectors import thesis_page, training_page
 from gossamer_models.assessment import AlwaysZero, Verdicts, share
 from gossamer_models.assessment.figures import errors
 from gossamer_models.detector import DetectorArtifact, PosteriorArtifact
