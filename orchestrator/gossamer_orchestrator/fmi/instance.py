@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..errors import FmuError, SimulationError
 from .file import FmuFile
 from .slave import DISCARD, ERROR, FATAL, WARNING, Log, is_python, start_slave
-from .types import Port, Value, ValuePort, suffix
+from .types import Port, Value
 
 MAX_UPDATES = 1000
 _LAST_TIME, _TERMINATED = 2, 3  # of fmi2StatusKind
@@ -78,8 +78,8 @@ class Instance:
             raise FmuError(msg) from error
         self._is_python = is_python(fmu.folder())
         # by subscript the library gives functions of its own, without FMPy's argument types
-        dll, begin, reals = self._slave.dll, f"fmi{self.version}", suffix("Real", self.version)
-        self._get, self._set, self._terminate = (dll[begin + name] for name in (f"Get{reals}", f"Set{reals}", "Terminate"))
+        dll, begin = self._slave.dll, f"fmi{self.version}"
+        self._terminate = dll[f"{begin}Terminate"]
         self._get_state, self._set_state, self._free_state = (dll[begin + do + self._STATE] for do in ("Get", "Set", "Free"))
         self._do_step: Any = None if fmu.model_exchange else dll[f"{begin}DoStep"]
         self._component = ctypes.c_void_p(self._slave.component)
@@ -90,21 +90,16 @@ class Instance:
         """Start of the last step [s]."""
         return self._time.value
 
-    def port(self, names: Sequence[str], values: NDArray[np.float64] | None = None) -> Port:
-        """Prepare the exchange of some Real variables."""
+    def port(self, names: Sequence[str], kind: str = "Real", values: NDArray[np.float64] | None = None) -> Port:
+        """Prepare the exchange of some variables of one type; ``values`` is a buffer for Reals."""
         values = np.zeros(len(names)) if values is None else values
-        return Port(self._component, self.fmu.references(names), values, counted=self.version == 3)
-
-    def value_port(self, kind: str, names: Sequence[str]) -> ValuePort:
-        """Prepare the exchange of some variables of one type as Python values."""
-        return ValuePort(kind, self._component, self.fmu.references(names), len(names), self.version)
+        return Port(self._slave.dll, self._component, self.version, kind, self.fmu.references(names), values)
 
     def set_start(self, values: Mapping[str, Value]) -> None:
         """Set parameters and inputs of any type by name."""
         for name, value in values.items():
-            self.write_values(
-                self.value_port(self.fmu.variables[name].type, [name]), [value], f"refused {name!r} = {value!r}"
-            )
+            port = self.port([name], self.fmu.variables[name].type).put([value])
+            self._write(port, f"refused {name!r} = {value!r}")
 
     def enter_initialization(self, stop: float) -> None:
         """Set the times of the run and enter the mode in which start values are set."""
@@ -116,15 +111,22 @@ class Instance:
         self._call("could not be initialized", "exitInitializationMode")
         self._initialized = True
 
-    def write(self, port: Port) -> None:
-        """Set the variables of a port."""
-        status = self._set(*port.arguments)
+    def _write(self, port: Port, failure: str = "refused its inputs") -> None:
+        status = port.set_them(*port.arguments)
         if status > WARNING:
-            self._check(status, "refused its inputs")
+            self._check(status, failure)
+
+    def write(self, port: Port) -> None:
+        """Set the inputs of a port, at any step."""
+        self._write(port)
+
+    def write_events(self, port: Port) -> None:
+        """Set inputs that may jump, between two steps or during initialization."""
+        self.write(port)
 
     def read(self, port: Port) -> None:
         """Get the variables of a port."""
-        status = self._get(*port.arguments)
+        status = port.get_them(*port.arguments)
         if status > WARNING:
             self._check(status, "did not return its outputs")
 
@@ -149,21 +151,6 @@ class Instance:
         self._next_event = float(event) if defined else math.inf
         self._call("could not leave its event mode", self._LEAVE)
         return False
-
-    def write_values(self, port: ValuePort, values: Sequence[Value], failure: str = "refused its inputs") -> None:
-        """Set the variables of a port of any type."""
-        port.put(list(values))
-        self._check(self._slave.dll[f"fmi{self.version}Set{port.suffix}"](*port.arguments), failure)
-
-    def write_inputs(self, port: ValuePort, values: Sequence[Value]) -> None:
-        """Set inputs between two steps, or during initialization."""
-        self.write_values(port, values)
-
-    def read_values(self, port: ValuePort) -> list[Value]:
-        """Get the variables of a port of any type."""
-        status = self._slave.dll[f"fmi{self.version}Get{port.suffix}"](*port.arguments)
-        self._check(status, "did not return its outputs")
-        return port.get()
 
     def step(self, time: ctypes.c_double, size: ctypes.c_double) -> bool:
         """Advance by ``size`` [s] from ``time`` [s].

@@ -11,18 +11,17 @@ from __future__ import annotations
 
 import ctypes
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import numpy as np
 from fmpy.fmi1 import FMICallException
 
 from ..errors import FmuError, SimulationError
 from .file import FmuFile
 from .instance import Instance
 from .slave import DISCARD, WARNING
-from .types import Port, Value, ValuePort, parse
+from .types import Port, Value, parse
 
 if TYPE_CHECKING:
     from .integrator import Integrator
@@ -40,7 +39,7 @@ class Instance3(Instance):
     def __init__(self, fmu: FmuFile, name: str, time: float = 0.0) -> None:
         super().__init__(fmu, name, time)
         self._arrays: dict[str, dict[str, Value]] = {}
-        self._written: dict[ValuePort, list[Value]] = {}
+        self._written: dict[Port, list[Value]] = {}
         self._flags = (ctypes.c_bool * 4)()
         self._any = ctypes.c_uint32.from_buffer(self._flags)
         self._last = ctypes.c_double(time)
@@ -66,7 +65,7 @@ class Instance3(Instance):
             kind = variables[names[0]].type
             whole = self._arrays.setdefault(array, {v: parse(kind, variables[v].start) for v in names})
             whole |= {v: values[v] for v in names if v in values}
-            self.write_values(self.value_port(kind, names), list(whole.values()), f"refused {array!r} = {[*whole.values()]}")
+            self._write(self.port(names, kind).put([*whole.values()]), f"refused {array!r} = {[*whole.values()]}")
         if in_events and self.leave_event_mode():
             self._end(self._reached, self._reached)
 
@@ -80,14 +79,14 @@ class Instance3(Instance):
         if self.event_mode and self.leave_event_mode():
             self._end(self._reached, self._reached)
 
-    def write_inputs(self, port: ValuePort, values: Sequence[Value]) -> None:
-        """Set inputs; with event mode that is an event, if one of them has changed."""
+    def write_events(self, port: Port) -> None:
+        """Set inputs that may jump; with event mode that is an event, if one of them has changed."""
         if not (self.event_mode and self._initialized):
-            self.write_values(port, values)
-        elif self._written.get(port) != values:
-            self._written[port] = list(values)
+            self.write(port)
+        elif self._written.get(port) != (values := port.get()):
+            self._written[port] = values
             self.enter_event_mode()
-            self.write_values(port, values)
+            self._write(port)
             if self.leave_event_mode():
                 self._end(self._reached, self._reached)
 
@@ -147,7 +146,7 @@ class ModelExchange(Instance):
     def __init__(self, fmu: FmuFile, name: str, time: float = 0.0) -> None:
         self._integrator_class = _load_integrator(fmu)
         super().__init__(fmu, name, time)
-        self._inputs: dict[Port | ValuePort, Any] = {}  # as they were set last
+        self._inputs: dict[Port, str] = {}  # as they were set last
         self._now = time  # [s] reached so far
         self._anew = True  # whether the integration starts anew
         self._saved = [(math.inf, time), (math.inf, time)]  # next event and time [s] of the saved states
@@ -169,16 +168,11 @@ class ModelExchange(Instance):
         self._leave_events()
 
     def write(self, port: Port) -> None:
-        """Set the variables of a port."""
-        if not np.array_equal(self._inputs.get(port, ()), port.values, equal_nan=True):
-            self._inputs[port] = port.values.copy()
-            self._jump(lambda: super(ModelExchange, self).write(port))
-
-    def write_inputs(self, port: ValuePort, values: Sequence[Value]) -> None:
-        """Set inputs of any type."""
+        """Set inputs, which is an event if one of them has changed."""
+        values = repr(port.get())  # in which a value that is no number equals itself
         if self._inputs.get(port) != values:
-            self._inputs[port] = list(values)
-            self._jump(lambda: self.write_values(port, values))
+            self._inputs[port] = values
+            self._jump(lambda: self._write(port))
 
     def _jump(self, write: Callable[[], None]) -> None:
         """Set inputs, which is an event once the FMU is initialized."""

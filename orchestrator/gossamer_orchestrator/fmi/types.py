@@ -78,66 +78,51 @@ def cast(kind: str, value: float) -> Value:
 
 
 class Port:
-    """Real variables of one instance that are read or written together.
-
-    Attributes
-    ----------
-    values : numpy.ndarray
-        Their buffer, contiguous; may be a view into a larger array.
-    arguments : tuple
-        What the functions of FMI that get and set Reals are called with.
-    """
-
-    __slots__ = ("arguments", "size", "values")
-
-    def __init__(
-        self, component: ctypes.c_void_p, references: list[int], values: NDArray[np.float64], *, counted: bool
-    ) -> None:
-        self.size = len(values)
-        self.values = values
-        count = (ctypes.c_size_t(self.size),) if counted else ()  # FMI 3.0 counts the elements of arrays, too
-        self.arguments = (
-            component,
-            (ctypes.c_uint32 * len(references))(*references),
-            ctypes.c_size_t(len(references)),
-            values.ctypes.data_as(ctypes.c_void_p),
-            *count,
-        )
-
-
-class ValuePort:
-    """Variables of one other type that are read or written together, as Python values.
+    """Variables of one instance and type that are read or written together.
 
     Parameters
     ----------
-    kind : str
-        Their type.
+    library : ctypes.CDLL
+        Of the instance, without FMPy's argument types.
     component : ctypes.c_void_p
         The instance.
-    references : list of int
-        Their value references; an array of FMI 3.0 has one.
-    size : int
-        Number of values.
     version : int
         Of FMI, 2 or 3.
+    kind : str
+        Their type.
+    references : list of int
+        Their value references; an array of FMI 3.0 has one.
+    values : numpy.ndarray
+        Buffer of Reals, contiguous; may be a view into a larger array. Of other types its length is their number.
+
+    Attributes
+    ----------
+    get_them, set_them : callable
+        Functions of FMI, to be called with ``arguments``.
     """
 
-    def __init__(self, kind: str, component: ctypes.c_void_p, references: list[int], size: int, version: int) -> None:
-        self.kind = kind
-        self.size = size
-        self.suffix = suffix(kind, version)
-        self._buffer = (c_type(kind, version) * size)()
-        self._sizes = (ctypes.c_size_t * size)()
+    def __init__(
+        self,
+        library: ctypes.CDLL,
+        component: ctypes.c_void_p,
+        version: int,
+        kind: str,
+        references: list[int],
+        values: NDArray[np.float64],
+    ) -> None:
+        self.kind, self.values, self.size = kind, values, len(values)
+        name = suffix(kind, version)
+        self.get_them, self.set_them = (library[f"fmi{version}{do}{name}"] for do in ("Get", "Set"))
+        self._buffer = np.ctypeslib.as_ctypes(values) if kind == "Real" else (c_type(kind, version) * self.size)()
+        self._sizes = (ctypes.c_size_t * self.size)()
         self._kept: list[Any] = []
-        sizes = (self._sizes,) if kind == "Binary" else ()
-        count = (ctypes.c_size_t(size),) if version == 3 else ()
         self.arguments = (
             component,
             (ctypes.c_uint32 * len(references))(*references),
             ctypes.c_size_t(len(references)),
-            *sizes,
+            *((self._sizes,) if kind == "Binary" else ()),
             self._buffer,
-            *count,
+            *((ctypes.c_size_t(self.size),) if version == 3 else ()),  # FMI 3.0 counts the elements of arrays, too
         )
 
     def get(self) -> list[Value]:
@@ -149,8 +134,8 @@ class ValuePort:
             return [ctypes.string_at(at, size) if at else b"" for at, size in zip(values, self._sizes, strict=True)]
         return [value != 0 for value in values] if self.kind == "Boolean" else values
 
-    def put(self, values: list[Any]) -> None:
-        """Write values into the buffer, for the FMU to read."""
+    def put(self, values: list[Any]) -> Port:
+        """Write values into the buffer, for the FMU to read, and return the port."""
         if self.kind == "String":
             values = [text.encode() for text in values]
         elif self.kind == "Binary":
@@ -158,6 +143,7 @@ class ValuePort:
             self._sizes[:] = [len(data) for data in values]
             values = [ctypes.addressof(data) for data in self._kept]
         self._buffer[:] = values
+        return self
 
 
 POWERS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")

@@ -129,8 +129,7 @@ class FramedMembrane(sysModel.SysModel):  # type: ignore[misc, unused-ignore]  #
 
     def write(self, values: Mapping[str, float]) -> None:
         """Set inputs of the FMU by their full names, from the next step on."""
-        port = self._instance.port(list(values), np.array(list(values.values()), dtype=np.float64))
-        self._instance.write(port)
+        self._instance.write(self._instance.port(list(values)).put(list(values.values())))
 
     def close(self) -> None:
         """Free the FMU and remove its unpacked files."""

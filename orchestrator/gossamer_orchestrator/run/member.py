@@ -67,7 +67,7 @@ class InputsOfType:
         start: Mapping[str, Value],
     ) -> None:
         self._instance, self._store, self._kind = instance, store, kind
-        self._port = instance.value_port(kind, names)
+        self._port = instance.port(names, kind)
         self._index = {name: i for i, name in enumerate(names)}
         variables = instance.fmu.variables
         self._values: list[Any] = [start.get(name, parse(kind, variables[name].start)) for name in names]
@@ -90,7 +90,7 @@ class InputsOfType:
             else:
                 value = float(floats[place])
                 self._values[i] = cast(self._kind, value if channel is None else channel(value, tick))
-        self._instance.write_inputs(self._port, self._values)
+        self._instance.write_events(self._port.put(self._values))
 
 
 class OutputsOfType:
@@ -115,12 +115,13 @@ class OutputsOfType:
         self._instance, self._store, self._names = instance, store, names
         self._place = slice(begin, begin + len(names))
         self._kind = instance.fmu.variables[names[0]].type
-        self._port = instance.value_port(self._kind, names)
+        self._port = instance.port(names, self._kind)
         self._warned = False
 
     def read(self) -> None:
         """Read them into the store."""
-        values: list[Any] = self._instance.read_values(self._port)
+        self._instance.read(self._port)
+        values: list[Any] = self._port.get()
         if self._kind in EXCHANGED_EXACTLY:
             self._store.exact[self._place] = values
         if self._kind in TEXTS:
@@ -185,8 +186,8 @@ class Member:
         self.instance = instance
         sent, recorded = plan.sent_reals, plan.recorded_reals
         y = store.values[begin : begin + len(sent) + len(recorded)]
-        self.sent: Port = instance.port(sent, y[: len(sent)])
-        self.outputs: Port = instance.port([*sent, *recorded], y)
+        self.sent: Port = instance.port(sent, values=y[: len(sent)])
+        self.outputs: Port = instance.port([*sent, *recorded], values=y)
         wires = [(c, None if c.is_plain else Channel(c)) for c in plan.connections]
         self.inputs_by_type: list[InputsOfType] = inputs_by_type(plan, instance, store, wires)
         self.outputs_by_type: list[OutputsOfType] = outputs_by_type(plan, instance, store)
@@ -197,7 +198,7 @@ class Member:
         inputs = [c.input for c, _ in direct]
         side_by_side = bool((np.diff(sources) == 1).all())
         if inputs and side_by_side and not self.channels:  # the FMU reads them where they stand
-            self.inputs: Port = instance.port(inputs, store.arrived[sources[0] : sources[0] + len(inputs)])
+            self.inputs: Port = instance.port(inputs, values=store.arrived[sources[0] : sources[0] + len(inputs)])
             self._gather: Callable[[], object] | None = None
         else:
             self.inputs = instance.port(inputs)

@@ -97,11 +97,7 @@ class Together:
             for _ in as_completed(waiting):
                 self._position[RETURNED] += 1  # the time limit is that of a call
             self._position[AT_ONCE] = self._position[RETURNED] = 0
-        errors = [future.exception() for future in waiting]
-        for error in errors:
-            if error is not None:
-                raise error
-        done += [future.result() for future in waiting]
+        done += [future.result() for future in waiting]  # which raises what was raised there
         if all(done):
             return True
         self._position[COMPONENT] = self._members[done.index(False)].number

@@ -133,11 +133,10 @@ class Last:
 
     def sample(self, simulation):
         instance = next(member.instance for member in simulation.members if member.name == "b")
-        variables = instance.fmu.variables
-        self.outputs = {
-            v.removesuffix("_output"): instance.read_values(instance.value_port(variables[v].type, [v]))[0]
-            for v in instance.fmu.names("output")
-        }
+        ports = {v: instance.port([v], instance.fmu.variables[v].type) for v in instance.fmu.names("output")}
+        for port in ports.values():
+            instance.read(port)
+        self.outputs = {v.removesuffix("_output"): port.get()[0] for v, port in ports.items()}
 
     def end(self, simulation):
         pass
