@@ -13,7 +13,7 @@ References
 from __future__ import annotations
 
 import numpy as np
-from gossamer_models.fractional.model import covering, integral_modes, slope_modes, started, weighed
+from gossamer_models.fractional.model import check_covered, memory
 from gossamer_models.modes import PowerLawKernels, check_order
 from scipy.special import gamma
 
@@ -41,9 +41,8 @@ def integral(u: Vector, h: float, order: float, kernels: PowerLawKernels | None 
     DataError
         The record is not one column of finite numbers, or ``kernels`` do not cover it.
     """
-    kernels = covering(u, h, kernels)
-    g, mass = kernels.at_order(order)
-    return weighed(integral_modes, u, h, kernels.rates, g) + mass * started(u)
+    kernels = _covering(u, h, kernels)
+    return np.asarray(memory(u, h, kernels.rates, of_slope=False) @ kernels.at_order(order))
 
 
 def derivative(u: Vector, h: float, order: float, kernels: PowerLawKernels | None = None) -> Vector:
@@ -54,11 +53,18 @@ def derivative(u: Vector, h: float, order: float, kernels: PowerLawKernels | Non
     :math:`D^a u = J^{1-a} \dot u + u_0 t^{-a}/\Gamma(1-a)`, with :math:`\dot u` constant over a sample. The value at
     t = 0 is zero if the record starts at zero, else infinite.
     """
-    kernels = covering(u, h, kernels)
+    kernels = _covering(u, h, kernels)
     check_order(order)
-    g, mass = kernels.at_order(1.0 - order)
-    slope = np.diff(u, prepend=u[:1]) / h
-    return weighed(slope_modes, u - u[0], h, kernels.rates, g) + mass * slope + initial_term(u, h, order)
+    found = memory(u - u[0], h, kernels.rates, of_slope=True) @ kernels.at_order(1.0 - order)
+    return np.asarray(found + initial_term(u, h, order))
+
+
+def _covering(u: Vector, h: float, kernels: PowerLawKernels | None) -> PowerLawKernels:
+    """Return the kernels to use, which cover the record."""
+    if kernels is None and u.size > 1 and 0.0 < h < np.inf:
+        kernels = PowerLawKernels(h, h * max(u.size - 1, 2))
+    check_covered(u, h, kernels or PowerLawKernels(1e-4, 1e5))
+    return kernels or PowerLawKernels(1e-4, 1e5)
 
 
 def initial_term(u: Vector, h: float, order: float) -> Vector:

@@ -163,8 +163,8 @@ class PowerLawKernels:
         )
         return ca.Function("weights", [a], [SPACING * ca.sin(np.pi * a) / np.pi * g])
 
-    def at_order(self, order: float) -> tuple[Vector, float]:
-        """Return the weights [s**(order - 1)], shape (n,), and the mass [s**order] of the kernel of one order.
+    def at_order(self, order: float) -> Vector:
+        """Return the weights [s**(order - 1)] of the kernel of one order and, last, its mass [s**order], shape (n + 1,).
 
         Raises
         ------
@@ -172,8 +172,7 @@ class PowerLawKernels:
             The order is outside 0..1.
         """
         check_order(order)
-        g = np.array(self.weights(order)).ravel()
-        return g[:-1], float(g[-1])
+        return np.array(self.weights(order)).ravel()
 
 
 def check_order(order: float) -> None:

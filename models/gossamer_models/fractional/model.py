@@ -18,7 +18,6 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -29,7 +28,7 @@ from gossamer_files.options import option
 from ..arrays import Matrix, Vector
 from ..errors import DataError, ParameterError
 from ..modes import PowerLawKernels, phi_1, phi_2, responses
-from ..sensor.model import RESISTANCE, SCALE_VARIABLES, STRAIN, saturated
+from ..sensor.model import RESISTANCE, SCALE_VARIABLES, STRAIN, resistance, saturated
 from ..step_model import StepModel
 from ..variables import Variable
 from .artifact import FractionalArtifact
@@ -56,13 +55,20 @@ def integral_modes(u: Vector, h: float, rates: Vector) -> Matrix:
     return responses(h, u, rates, [(h, 1)])
 
 
-def slope_modes(u: Vector, h: float, rates: Vector) -> Matrix:
-    r"""Return the modes of the slope, of a record that jumps from zero to its first sample at t = 0, shape (m, n).
+def memory(v: Vector, h: float, rates: Vector, *, of_slope: bool) -> Matrix:
+    r"""Return the modes of a record and, last, what the mass of their kernel multiplies, shape (m, n + 1).
 
-    :math:`z_q(t) = u_0 e^{-\lambda_q t} + \int_0^t e^{-\lambda_q (t - \tau)} \dot u\,d\tau` [unit of u].
+    Nothing is remembered at t = 0. Modes of the slope are those of a record that jumps from zero to its first sample,
+    :math:`z_q(t) = v_0 e^{-\lambda_q t} + \int_0^t e^{-\lambda_q (t - \tau)} \dot v\,d\tau` [unit of v]; at t = 0 the
+    derivative of that jump is infinite, Eq. (3.11), and left out.
     """
-    jump = u[0] * np.exp(-h * np.outer(np.arange(u.size), rates)) if u[0] else 0.0
-    return responses(h, u, rates, [(np.diff(u), 0)]) + jump
+    if of_slope:
+        jump = v[0] * np.exp(-h * np.outer(np.arange(v.size), rates))
+        found = np.column_stack([responses(h, v, rates, [(np.diff(v), 0)]) + jump, np.diff(v, prepend=v[:1]) / h])
+    else:
+        found = np.column_stack([integral_modes(v, h, rates), v])
+    found[0] = 0.0
+    return found
 
 
 def fading_integral(s: Vector, h: float, rate: float, exponent: float) -> tuple[Vector, Vector, Vector]:
@@ -82,31 +88,18 @@ def fading_integral(s: Vector, h: float, rate: float, exponent: float) -> tuple[
     return value, np.concatenate([[0.0], lfilter([1.0], [1.0, -left], gained)]), by_exponent
 
 
-def weighed(modes: Callable[[Vector, float, Vector], Matrix], u: Vector, h: float, rates: Vector, w: Vector) -> Vector:
-    """Return the sum of modes with weights ``w``, shape (m,); one mode is kept at a time."""
-    return np.asarray(sum((w[q] * modes(u, h, rates[[q]])[:, 0] for q in range(rates.size)), np.zeros(u.size)))
-
-
-def started(u: Vector) -> Vector:
-    """Return the record with a zero for its first sample: nothing is remembered at t = 0."""
-    return np.concatenate([[0.0], u[1:]])
-
-
-def covering(u: Vector, h: float, kernels: PowerLawKernels | None) -> PowerLawKernels:
-    """Return kernels that cover a record; check both."""
+def check_covered(u: Vector, h: float, kernels: PowerLawKernels) -> None:
+    """Raise ``DataError`` for a record that is not finite, or that the kernels do not cover."""
     if u.ndim != 1 or u.size < 2 or not (np.isfinite(u).all() and 0.0 < h < np.inf):
         msg = f"need a record of two or more finite samples and a positive step [s], not shape {u.shape} every {h!r} s"
         raise DataError(msg)
     lasts = h * (u.size - 1)
-    if kernels is None:
-        return PowerLawKernels(h, max(lasts, 2.0 * h))
     if h < 0.999 * kernels.shortest or lasts > 1.001 * kernels.longest:
         msg = (
             f"a record of {lasts:g} s in steps of {h:g} s is outside the memory of {kernels.shortest:g} s to "
             f"{kernels.longest:g} s. Widen the range of the memory."
         )
         raise DataError(msg)
-    return kernels
 
 
 def predict(artifact: FractionalArtifact, strain: Vector, h: float) -> Vector:
@@ -126,13 +119,13 @@ def predict(artifact: FractionalArtifact, strain: Vector, h: float) -> Vector:
     DataError
         The record is not finite, or outside the range of times of the artifact.
     """
-    covering(strain, h, artifact.kernels)
+    check_covered(strain, h, artifact.kernels)
     s = strain / artifact.full_scale_strain
     output = artifact.direct * s
-    if any(term.phase for term in artifact.terms):
-        output = output + _remembered(artifact, s, h, "cosine") + _remembered(artifact, quadrature(s), h, "sine")
-    elif artifact.terms:
+    if artifact.terms:
         output = output + _remembered(artifact, s, h, "cosine")
+    if any(term.phase for term in artifact.terms):
+        output = output + _remembered(artifact, quadrature(s), h, "sine")
     for fading in artifact.fading:
         output = output + fading.coefficient * fading_integral(s, h, fading.rate, fading.exponent)[0]
     return np.asarray(artifact.rest_resistance + artifact.resistance_change * output)
@@ -140,30 +133,24 @@ def predict(artifact: FractionalArtifact, strain: Vector, h: float) -> Vector:
 
 def _remembered(artifact: FractionalArtifact, v: Vector, h: float, part: str) -> Vector:
     """Return the sum of all fractional terms on the record or on its quadrature [1], shape (m,)."""
-    w, mass = summed_weights(artifact, part)
-    rates = artifact.kernels.rates
-    if artifact.model != "model-1":
-        return weighed(integral_modes, v, h, rates, w) + mass * started(v)
-    slope = np.diff(v, prepend=v[:1]) / h
-    output = weighed(slope_modes, v, h, rates, w) + mass * slope
-    output[0] = 0.0  # the derivative of a jump at t = 0 is infinite there, Eq. (3.11), and left out
-    return output
+    return np.asarray(
+        memory(v, h, artifact.kernels.rates, of_slope=artifact.model == "model-1") @ summed_weights(artifact, part)
+    )
 
 
-def summed_weights(artifact: FractionalArtifact, part: str = "cosine") -> tuple[Vector, float]:
-    r"""Return weights of the modes, shape (n,), and mass of all fractional terms, on the record or on its quadrature.
+def summed_weights(artifact: FractionalArtifact, part: str = "cosine") -> Vector:
+    r"""Return weights of the modes and, last, mass of all fractional terms, on the record or on its quadrature.
 
     The kernels of :math:`D^a` and :math:`J^{1-a}` are the same. A term weighs the record with :math:`\cos(\pi b/2)`
     and its quadrature with :math:`-\sin(\pi b/2)`, which is the turn of Eqs. (3.16) and (3.18) of [1]_; Eq. (3.17) prints
     sine and cosine exchanged.
     """
-    w, mass = np.zeros(artifact.kernels.rates.size), 0.0
+    g = np.zeros(artifact.kernels.rates.size + 1)
     for term in artifact.terms:
-        g, m = artifact.kernels.at_order(1.0 - term.order if artifact.model == "model-1" else term.order)
         angle = 0.5 * np.pi * term.phase
         C = term.coefficient * (np.cos(angle) if part == "cosine" else -np.sin(angle))
-        w, mass = w + C * g, mass + C * m
-    return w, float(mass)
+        g += C * artifact.kernels.at_order(1.0 - term.order if artifact.model == "model-1" else term.order)
+    return g
 
 
 def fractional_sensor_model(artifact: FractionalArtifact) -> StepModel:
@@ -198,14 +185,13 @@ def fractional_sensor_model(artifact: FractionalArtifact) -> StepModel:
             f"Identify the same records with {option('model', 'fractional-sub-model-1')}, or preisach."
         )
         raise ParameterError(msg)
-    weights, mass = summed_weights(artifact)
+    *weights, mass = summed_weights(artifact).tolist()
     rates, w = ca.DM(artifact.kernels.rates), ca.DM(weights)
     n = rates.numel()
 
     def init(_: SimpleNamespace, p: SimpleNamespace) -> tuple[ca.MX, dict[str, ca.MX]]:
         rest = p.rest_strain / p.full_scale_strain
-        R = p.rest_resistance + p.full_scale_resistance_change * artifact.direct * rest
-        return ca.DM.zeros(n + 1), {"resistance": R, "saturated": rest > 1.0}
+        return ca.DM.zeros(n + 1), {"resistance": resistance(artifact.direct * rest, p), "saturated": rest > 1.0}
 
     def step(x: ca.MX, u: SimpleNamespace, p: SimpleNamespace, h: ca.MX) -> tuple[ca.MX, dict[str, ca.MX]]:
         z, before = x[:n], x[n]  # before, s: changes of strain since the run began [1]
@@ -214,8 +200,7 @@ def fractional_sensor_model(artifact: FractionalArtifact) -> StepModel:
         z = ca.exp(-rates * h) * z + h * ((phi_1(rates * h) - late) * before + late * s)
         output = artifact.direct * u.strain / p.full_scale_strain + mass * s + ca.dot(w, z)
         outside = ca.logic_or(u.strain > p.full_scale_strain, u.strain < 0.0)
-        R = p.rest_resistance + p.full_scale_resistance_change * output
-        return ca.vertcat(z, s), {"resistance": R, "saturated": outside}
+        return ca.vertcat(z, s), {"resistance": resistance(output, p), "saturated": outside}
 
     return StepModel.written(
         name="sensor",  # scenarios and reports recognise it by this name

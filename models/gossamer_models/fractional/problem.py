@@ -21,7 +21,7 @@ from ..fitting.records import Record, check_rest, in_equal_steps, strain_range
 from ..fitting.separable import Derivative, SeparableProblem
 from ..modes import PowerLawKernels
 from .artifact import MODELS, FadingTerm, FractionalArtifact, FractionalTerm, ModelName, check_model
-from .model import covering, fading_integral, integral_modes, quadrature, slope_modes, started
+from .model import check_covered, fading_integral, memory, quadrature
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,11 +123,11 @@ class FractionalColumns:
 
     def __init__(self, s: Vector, h: float, rows: Rows, settings: FractionalSettings, *, rest_fitted: bool) -> None:
         model, kernels = settings.model, PowerLawKernels(settings.shortest, settings.longest)
-        covering(s, h, kernels)
+        check_covered(s, h, kernels)
         self._strain, self._step, self._rows, self._rest_fitted = s, h, rows, rest_fitted
         self._n_terms, self._n_fading, self._first_fading = settings.terms, settings.n_fading, settings.first_fading
         parts = (s,) if model == "sub-model-1" else (s, quadrature(s))
-        self._memories = [_memory(part, h, model, kernels.rates)[rows] for part in parts]
+        self._memories = [memory(part, h, kernels.rates, of_slope=model == "model-1")[rows] for part in parts]
         a = ca.SX.sym("a")
         g = kernels.weights(1.0 - a if model == "model-1" else a)
         self._weights = ca.Function("weights", [a], [g, ca.jacobian(g, a)])
@@ -159,15 +159,6 @@ class FractionalColumns:
         if self._rest_fitted:
             Phi[:, -1] = 1.0
         return Phi, [*by_order, *by_rate, *by_exponent]
-
-
-def _memory(v: Vector, h: float, model: ModelName, rates: Vector) -> Matrix:
-    """Return the modes of a record and, last, the column that the mass of the kernel multiplies, shape (m, n + 1)."""
-    if model != "model-1":
-        return np.column_stack([integral_modes(v, h, rates), started(v)])
-    memory = np.column_stack([slope_modes(v, h, rates), np.diff(v, prepend=v[:1]) / h])
-    memory[0] = 0.0  # as in ``model.predict``
-    return memory
 
 
 @dataclass(frozen=True)

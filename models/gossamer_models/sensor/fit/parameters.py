@@ -216,7 +216,7 @@ def _density_blocks(settings: PreisachSettings) -> list[ParameterBlock]:
             _waves("m_mu", m),
             _waves("n_mu", n),
             *(_fixed(each) if settings.eta[0] == settings.eta[1] else each for each in eta),
-            *([block("b_elastic", np.zeros(M), linear=True)] if settings.elastic else []),
+            block("b_elastic", np.zeros(M), linear=True),
         ]
     hats, spring = hat_functions(settings.n_lines, settings.knots)
     return [

@@ -67,13 +67,11 @@ class PreisachSettings:
     starts, seed : int
         Number of starts, and the seed of all but the first.
     density : {"modal", "hats"}
-        Modal functions of Eqs. (4.16) and (4.17) of the thesis, or hat functions on a coarse grid of the triangle with an
-        elastic line :math:`\alpha = \beta` of their own and one eta.
+        Modal functions of Eqs. (4.16) and (4.17) of the thesis, or hat functions on a coarse grid of the triangle with one
+        eta. Both have an elastic line :math:`\alpha = \beta` of their own: operators of no width, which a smooth density
+        cannot represent. The thesis' equations have none.
     n_lines : int
         Lines and bins along a line of the finished tables.
-    elastic : bool
-        Whether an elastic line with modes of its own is added to the modal density: operators of no width, which a smooth
-        density cannot represent. The thesis' equations have none.
     signed : bool
         Whether amplitudes of relaxation may be negative.
     invertible : bool
@@ -115,7 +113,6 @@ class PreisachSettings:
 
     density: Literal["modal", "hats"] = "modal"
     n_lines: int = 32
-    elastic: bool = True
     signed: bool = False
     invertible: bool = True
     eta: tuple[float, float] = (0.5, 1.2)

@@ -94,8 +94,7 @@ def weight_function(
     soft = [b.stiffness * (p[b.name] - b.start) for b in blocks if b.stiffness > 0.0]
     if settings.density == "modal":
         soft += [settings.smoothness * p["b_mu"] * (p["m_mu"] ** 2 + p["n_mu"] ** 2)]
-        if settings.elastic:
-            soft += [settings.smoothness * p["b_elastic"] * ca.DM(np.arange(settings.modes) ** 2.0)]
+        soft += [settings.smoothness * p["b_elastic"] * ca.DM(np.arange(settings.modes) ** 2.0)]
     f = ca.vertcat(amplitudes, eta * amplitudes, others)
     function = ca.Function("model", [x], [f, ca.vertcat(*constraints), np.sqrt(regression.samples) * ca.vertcat(*soft)])
     basis = sparse.block_diag([functions, functions, sparse.eye_array(others.numel())], format="csr")
@@ -115,8 +114,7 @@ def _density(settings: PreisachSettings, p: dict[str, ca.MX], seen: float) -> tu
     N, places = settings.n_lines, bin_places(settings.n_lines, seen)
     if settings.density == "modal":
         mu, eta = (modal_field(p[f"b_{name}"], p[f"m_{name}"], p[f"n_{name}"], places) for name in ("mu", "eta"))
-        if settings.elastic:
-            mu += ca.vertcat(N * elastic_field(p["b_elastic"], places), ca.DM(mu.numel() - N, 1))
+        mu += ca.vertcat(N * elastic_field(p["b_elastic"], places), ca.DM(mu.numel() - N, 1))
         return reversible_beyond(N, seen), mu, eta
     functions = sparse.csr_array(np.hstack(hat_functions(N, settings.knots)))
     return functions, ca.vertcat(p["b_mu"], p["b_elastic"]), p["eta"]
