@@ -14,13 +14,14 @@ import json
 import re
 import types
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Any, TypeVar, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
 from gossamer_files import reason, replacing
+from numpy.typing import NDArray
 
 from .arrays import Vector
 from .errors import ArtifactError
@@ -35,7 +36,7 @@ def write_artifact(
     version: int,
     provenance: dict[str, str],
     content: dict[str, Any],
-    arrays: dict[str, Vector] | None = None,
+    arrays: Mapping[str, NDArray[Any]] | None = None,
 ) -> None:
     """Write an artifact.
 
@@ -49,7 +50,7 @@ def write_artifact(
         Data digest, command, error reached: everything that a reader needs to repeat the work.
     content : dict
         JSON values.
-    arrays : dict of ndarray, optional
+    arrays : mapping of str to ndarray, optional
         Large arrays, written to the NPZ file beside the card.
     """
     card = {"schema": schema, "version": version, "provenance": provenance, **content}

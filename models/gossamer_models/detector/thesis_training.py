@@ -109,7 +109,7 @@ def train_networks(I: Vector, damages: Vector, levels: int, peaks: ArrayLike = P
     T = triangular_memberships(damages, peaks)
     targets = T.transpose(0, 2, 1).reshape(n, -1)
 
-    best = (np.inf, 0.0, 0.0, np.empty(0))
+    best = (np.inf, np.float64(0.0), 0.0, np.empty(0))
     with threadpool_limits(1):  # small matrices: waking other threads for them costs many times their work
         for scale, bias in itertools.product(SCALES, BIASES):
             S = 1.0 / (1.0 + np.exp(np.minimum(D * scale / reach - bias, 700.0)))

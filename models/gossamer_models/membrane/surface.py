@@ -119,7 +119,7 @@ def surface_mesh(file: MeshFile, order: int = 1) -> SurfaceMesh:
     number = np.full(len(file.nodes), -1)
     number[corners] = np.arange(len(corners))
     elements, sides = _tensor_elements(number[quads[:, :4]], order, len(corners))
-    nodes = np.zeros((max(len(corners), 1 + elements.max(initial=-1)), 3))
+    nodes = np.zeros((max(len(corners), 1 + int(elements.max(initial=-1))), 3))
     nodes[elements] = np.einsum("pm,nmi->npi", _geometry(quads.shape[1], order), file.nodes[quads])
     nodes[: len(corners)] = file.nodes[corners]
     blocks = []

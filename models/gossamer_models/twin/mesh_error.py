@@ -130,7 +130,7 @@ class MeshError:
         parts = [(1.0, np.concatenate(rest)), (SHRUNK, moving)]  # another mesh may err in other ways
         for j in range(s):
             if self.static:
-                variance = sum(share * np.mean(part[:, j] ** 2, axis=0) for share, part in parts)
+                variance = np.sum([share * np.mean(part[:, j] ** 2, axis=0) for share, part in parts], axis=0)
                 modes = np.eye(n)
             else:
                 spectra = [(share, np.abs(np.fft.rfft(part[:, j], 2 * n, axis=1)) ** 2) for share, part in parts]
