@@ -186,7 +186,7 @@ class Simulation:
         position = self.position
         position[at.TICK], position[at.PART], position[at.CALL] = self.tick, 0, at.STEP
         for name, values in self.plan.events.get(self.tick, ()):
-            self._called(name).set(values)
+            self.member(name).set(values)
         if self.ended_by:
             position[COMPONENT] = -1
             return False
@@ -226,7 +226,6 @@ class Simulation:
         for stage in self._stages:
             if stage.every > 1 and not (last and (tick + 1) % stage.every == 0):
                 continue
-            position[COMPONENT] = stage.number
             stage.receive(tick + 1)
             if self.ended_by:  # by an input that has arrived
                 return self.members[position[COMPONENT]]
@@ -241,8 +240,7 @@ class Simulation:
     def save(self) -> None:
         """Keep the present state of everything for ``restore``."""
         for member in self.members:
-            self.position[COMPONENT] = member.number
-            member.instance.save_state()
+            member.call().save_state()
         self.store.save()
         self._held = [channel.held for channel in self.channels]
         self._peaks = [group.peaks.copy() for group in self.groups]
@@ -250,8 +248,7 @@ class Simulation:
     def restore(self) -> None:
         """Go back to what was kept, as often as needed."""
         for member in self.members:
-            self.position[COMPONENT] = member.number
-            member.instance.restore_state()
+            member.call().restore_state()
         for channel, value in zip(self.channels, self._held, strict=True):
             channel.held = value
         for group, peaks in zip(self.groups, self._peaks, strict=True):
@@ -261,16 +258,14 @@ class Simulation:
     def _start(self) -> None:
         """Instantiate all FMUs and initialize each after those that feed it."""
         start, position = self.scenario.start, self.position
-        begin = 0
         position[at.CALL] = at.INSTANTIATE
         for number, component in enumerate(self.plan.components):
             position[COMPONENT] = number
             instance = start_instance(component.fmu, component.name, start)
             instance.on_end = self.ended_by.append
             self._instances.append(instance)
-            one = component, instance, self.store, begin, number
-            self.members.append(Member(*one) if component.every == 1 else SlowMember(*one, self.scenario))
-            begin += len(component.read)
+            kind = Member if component.every == 1 else SlowMember
+            self.members.append(kind(component, instance, self.store, number, position))
         self._make_stages()
         self.store.look_up(start)
         position[at.CALL] = at.INITIALIZE
@@ -285,7 +280,7 @@ class Simulation:
             if group is not None:
                 group.initialize(start)
             for each in names:
-                member = self._called(each)
+                member = self.member(each)
                 member.receive(0)
                 member.instance.exit_initialization()
                 member.read(full=True)
@@ -302,22 +297,16 @@ class Simulation:
                 self._stages.append(member)
             elif not self.groups or member.name not in self.groups[-1].names:
                 members = self.members[member.number : member.number + len(group.components)]
-                one = IteratedGroup(group, members, self.plan, self.store, self.position, self.ended_by, strict=self._strict)
+                one = IteratedGroup(group, members, self.store, self.ended_by, strict=self._strict)
                 self.groups.append(one)
                 self._stages.append(one)
         if self._pool is not None:
             self._stages = side_by_side(self._stages, self.plan, self.position, self._pool)
 
-    def _called(self, name: str) -> Member:
-        """Return a member that is about to be called, and note that."""
-        member = self.member(name)
-        self.position[COMPONENT] = member.number
-        return member
-
     def _enter_initialization(self, name: str) -> None:
         """Set the start values of a component, and its inputs at the start."""
-        member = self._called(name)
-        member.instance.set_start(self.plan.component(name).start)
+        member = self.member(name)
+        member.call().set_start(self.plan.component(name).start)
         member.instance.enter_initialization(self.scenario.stop)
         for receiver, values in self.plan.events.get(0, ()):
             if receiver == name:

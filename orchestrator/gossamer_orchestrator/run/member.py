@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import ctypes
 import logging
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -19,7 +19,8 @@ import numpy as np
 from ..fmi.instance import Instance
 from ..fmi.types import EXCHANGED_EXACTLY, LARGEST_EXACT, TEXTS, Port, Value, cast, parse
 from ..scenario.plan import ComponentPlan
-from ..scenario.schema import Connection, Scenario
+from ..scenario.schema import Connection
+from .position import COMPONENT, Position
 from .signals import Channel, Store
 
 logger = logging.getLogger(__name__)
@@ -43,34 +44,24 @@ class InputsOfType:
 
     Parameters
     ----------
-    instance : Instance
+    plan : ComponentPlan
         Whose inputs.
     kind : str
         Their type.
-    names : sequence of str
-        All of them, whole arrays.
+    instance : Instance
+        Its FMU.
     store : Store
         Where their values arrive.
-    wires : iterable of (Connection, Channel or None)
+    wires : sequence of (Connection, Channel or None)
         What feeds them.
-    start : mapping
-        Values of those that nothing feeds.
     """
 
-    def __init__(
-        self,
-        instance: Instance,
-        kind: str,
-        names: Sequence[str],
-        store: Store,
-        wires: Iterable[Wire],
-        start: Mapping[str, Value],
-    ) -> None:
+    def __init__(self, plan: ComponentPlan, kind: str, instance: Instance, store: Store, wires: Sequence[Wire]) -> None:
+        names = plan.fmu.whole(c.input for c, _ in wires)
         self._instance, self._store, self._kind = instance, store, kind
         self._port = instance.port(names, kind)
         self._index = {name: i for i, name in enumerate(names)}
-        variables = instance.fmu.variables
-        self._values: list[Any] = [start.get(name, parse(kind, variables[name].start)) for name in names]
+        self._values: list[Any] = [plan.start.get(v, parse(kind, plan.fmu.variables[v].start)) for v in names]
         self._sources = [(self._index[c.input], store.places[c.sender, c.output], channel) for c, channel in wires]
         self._exact = kind in EXCHANGED_EXACTLY
         self._last: list[Any] = []
@@ -133,32 +124,6 @@ class OutputsOfType:
             logger.warning("%s is larger than 2^53: components receive it exactly, results hold the nearest float", name)
 
 
-def inputs_by_type(plan: ComponentPlan, instance: Instance, store: Store, wires: Sequence[Wire]) -> list[InputsOfType]:
-    """Group those inputs of a component that are set by value by their types."""
-    groups: dict[str, list[Wire]] = {}
-    for wire in wires:
-        if needs_values(plan, instance, wire[0].input):
-            groups.setdefault(plan.fmu.variables[wire[0].input].type, []).append(wire)
-    return [
-        InputsOfType(instance, kind, plan.fmu.whole([c.input for c, _ in group]), store, group, plan.start)
-        for kind, group in groups.items()
-    ]
-
-
-def outputs_by_type(plan: ComponentPlan, instance: Instance, store: Store) -> list[OutputsOfType]:
-    """Group what is read of a component besides Reals: neighbours in the store of one type, sent or only recorded."""
-    groups: list[OutputsOfType] = []
-    for names, sent in ((plan.sent, True), (plan.recorded, False)):
-        by_type: dict[str, list[str]] = {}
-        for name in names:
-            by_type.setdefault(plan.fmu.variables[name].type, []).append(name)
-        by_type.pop("Real", None)
-        groups += [
-            OutputsOfType(instance, group, store, store.places[plan.name, group[0]], sent=sent) for group in by_type.values()
-        ]
-    return groups
-
-
 class Member:
     """A running component: its instance, its ports, and the sources of its inputs.
 
@@ -169,11 +134,11 @@ class Member:
     instance : Instance
         Its FMU.
     store : Store
-        The values of the whole run; its own stand together there, from ``begin`` on.
-    begin : int
-        Place of its first value.
+        The values of the whole run; its own stand together there.
     number : int
         Its own, among the components in stepping order.
+    position : Position
+        Where it notes that its FMU is called.
 
     Attributes
     ----------
@@ -181,17 +146,28 @@ class Member:
         It steps at every n-th communication point.
     """
 
-    def __init__(self, plan: ComponentPlan, instance: Instance, store: Store, begin: int, number: int) -> None:
+    def __init__(self, plan: ComponentPlan, instance: Instance, store: Store, number: int, position: Position) -> None:
         self.name, self.number, self.every = plan.name, number, plan.every
-        self.instance = instance
-        sent, recorded = plan.sent_reals, plan.recorded_reals
+        self.instance, self._store, self._position = instance, store, position
+        reals = {sent: names for kind, sent, names in plan.ports if kind == "Real"}
+        sent, recorded = reals.get(True, []), reals.get(False, [])
+        begin = store.places[plan.name, plan.read[0]] if plan.read else 0
         y = store.values[begin : begin + len(sent) + len(recorded)]
         self.sent: Port = instance.port(sent, values=y[: len(sent)])
         self.outputs: Port = instance.port([*sent, *recorded], values=y)
         wires = [(c, None if c.is_plain else Channel(c)) for c in plan.connections]
-        self.inputs_by_type: list[InputsOfType] = inputs_by_type(plan, instance, store, wires)
-        self.outputs_by_type: list[OutputsOfType] = outputs_by_type(plan, instance, store)
-        direct = [(c, channel) for c, channel in wires if not needs_values(plan, instance, c.input)]
+        direct: list[Wire] = []
+        by_type: dict[str, list[Wire]] = {}
+        for wire in wires:
+            name = wire[0].input
+            by_value = needs_values(plan, instance, name)
+            (by_type.setdefault(plan.fmu.variables[name].type, []) if by_value else direct).append(wire)
+        self.inputs_by_type = [InputsOfType(plan, kind, instance, store, group) for kind, group in by_type.items()]
+        self.outputs_by_type = [
+            OutputsOfType(instance, names, store, store.places[plan.name, names[0]], sent=sent)
+            for kind, sent, names in plan.ports
+            if kind != "Real"
+        ]
         self.channels = [(i, channel) for i, (_, channel) in enumerate(direct) if channel is not None]
         self.all_channels = [channel for _, channel in wires if channel is not None]
         sources = np.array([store.places[c.sender, c.output] for c, _ in direct], dtype=np.intp)
@@ -204,14 +180,20 @@ class Member:
             self.inputs = instance.port(inputs)
             self._gather = partial(store.arrived.take, sources, None, self.inputs.values, "clip") if inputs else None
 
+    def call(self) -> Instance:
+        """Note that its FMU is about to be called, and return that."""
+        self._position[COMPONENT] = self.number
+        return self.instance
+
     def set(self, values: Mapping[str, Value]) -> None:
         """Set unconnected inputs."""
-        self.instance.set_start(values)
+        self.call().set_start(values)
         for group in self.inputs_by_type:
             group.keep(values)
 
     def receive(self, tick: int) -> None:
         """Fetch the inputs from what the others sent, and set them."""
+        self._position[COMPONENT] = self.number
         if self._gather is not None:
             self._gather()
             u = self.inputs.values
@@ -223,14 +205,18 @@ class Member:
             group.receive(tick)
 
     def advance(self, time: ctypes.c_double, size: ctypes.c_double, *, full: bool) -> bool:
-        """Step and read outputs (all of them if ``full``); False if the FMU discarded the step."""
+        """Step and read outputs (all of them if ``full``), maybe in a thread; False if the FMU discarded the step."""
         if not self.instance.step(time, size):
             return False
-        self.read(full=full)
+        self._read(full=full)
         return True
 
     def read(self, *, full: bool) -> None:
         """Read what others receive, or everything that is recorded too."""
+        self.call()
+        self._read(full=full)
+
+    def _read(self, *, full: bool) -> None:
         outputs = self.outputs if full else self.sent
         if outputs.size:
             self.instance.read(outputs)
@@ -245,12 +231,7 @@ class SlowMember(Member):
     Its inputs are those of the last of these steps.
     """
 
-    def __init__(
-        self, plan: ComponentPlan, instance: Instance, store: Store, begin: int, number: int, scenario: Scenario
-    ) -> None:
-        super().__init__(plan, instance, store, begin, number)
-        self._scenario = scenario
-        self._tick = 0
+    _tick = 0
 
     def receive(self, tick: int) -> None:
         """Fetch the inputs from what the others sent, and set them."""
@@ -259,7 +240,7 @@ class SlowMember(Member):
 
     def advance(self, time: ctypes.c_double, size: ctypes.c_double, *, full: bool) -> bool:  # noqa: ARG002
         """Step, in as many parts as the others do the last of the n steps, and read all outputs."""
-        scenario = self._scenario
+        scenario = self._store.plan.scenario
         parts = round(scenario.step / size.value)
         length = ctypes.c_double(self.every * size.value)
         begin = scenario.seconds(self._tick - self.every)
@@ -268,5 +249,5 @@ class SlowMember(Member):
                 return False
             if self.instance.ended_at is not None and part < parts - 1:
                 return False
-        self.read(full=True)
+        self._read(full=True)
         return True

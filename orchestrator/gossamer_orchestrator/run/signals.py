@@ -37,6 +37,8 @@ class Store:
 
     Attributes
     ----------
+    plan : Plan
+        The same.
     places : dict
         Index by ``(component, variable)``.
     values : numpy.ndarray
@@ -48,6 +50,7 @@ class Store:
     """
 
     def __init__(self, plan: Plan) -> None:
+        self.plan = plan
         read = [(c.name, v, c.fmu.variables[v]) for c in plan.components for v in c.read]
         for target in plan.histories:
             component, name = split_endpoint(target)

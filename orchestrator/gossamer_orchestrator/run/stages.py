@@ -83,7 +83,6 @@ class Together:
     def receive(self, tick: int) -> None:
         """Fetch the inputs for a communication point, and set them."""
         for member in self._members:
-            self._position[COMPONENT] = member.number
             member.receive(tick)
 
     def advance(self, time: ctypes.c_double, size: ctypes.c_double, *, full: bool) -> bool:
@@ -137,12 +136,8 @@ class IteratedGroup:
         Tolerance and largest number of sweeps.
     members : sequence of Member
         Its components, in stepping order.
-    plan : Plan
-        What is run.
     store : Store
         The values of the run.
-    position : Position
-        Where to note which FMU is called.
     over : list of Instance
         FMUs that have ended the simulation; what an earlier sweep added is taken back.
     strict : bool
@@ -163,32 +158,23 @@ class IteratedGroup:
     """
 
     def __init__(
-        self,
-        group: schema.Group,
-        members: Sequence[Member],
-        plan: Plan,
-        store: Store,
-        position: Position,
-        over: list[Instance],
-        *,
-        strict: bool,
+        self, group: schema.Group, members: Sequence[Member], store: Store, over: list[Instance], *, strict: bool
     ) -> None:
         self.names = [member.name for member in members]
         self.number, self.every = members[0].number, 1
         self.sweeps = 0
         self.may_refuse = False
         self._members = members
-        self._store, self._position = store, position
-        self._over, self._strict = over, strict
+        self._store, self._over, self._strict = store, over, strict
         self._tolerance, self._most = group.tolerance, group.sweeps
         self._tick = 0
         self._failures = 0
         self._guesses: list[Vector] = []
         self._results: list[Vector] = []
         place = {name: i for i, name in enumerate(self.names)}
-        inside = [c for c in plan.connections if {c.sender, c.receiver} <= set(self.names)]
+        inside = [c for c in store.plan.connections if {c.sender, c.receiver} <= set(self.names)]
         back = dict.fromkeys((c.sender, c.output) for c in inside if place[c.sender] >= place[c.receiver])
-        variables = {(name, v): plan.component(name).fmu.variables[v] for name, v in back}
+        variables = {(name, v): store.plan.component(name).fmu.variables[v] for name, v in back}
         self._reals = [source for source, v in variables.items() if v.type in FLOATS]
         self._places = np.array([self._store.places[source] for source in self._reals], dtype=np.intp)
         self._others = [(source, v.type in EXCHANGED_EXACTLY) for source, v in variables.items() if v.type not in FLOATS]
@@ -202,18 +188,15 @@ class IteratedGroup:
     def advance(self, time: ctypes.c_double, size: ctypes.c_double, *, full: bool) -> bool:
         """Step all components and read their outputs (all of them if ``full``); False if an FMU discarded the step."""
         for member in self._members:
-            self._position[COMPONENT] = member.number
-            member.instance.save_state(_SLOT)
+            member.call().save_state(_SLOT)
         ended = len(self._over)
 
         def sweep(*, again: bool) -> bool:
             if again:
                 del self._over[ended:]
                 for member in self._members:
-                    self._position[COMPONENT] = member.number
-                    member.instance.restore_state(_SLOT)
+                    member.call().restore_state(_SLOT)
             for member in self._members:
-                self._position[COMPONENT] = member.number
                 member.receive(self._tick)
                 if len(self._over) > ended or not member.advance(time, size, full=False):
                     return False
@@ -222,7 +205,6 @@ class IteratedGroup:
         if not self._iterate(sweep, time.value):
             return False
         for member in self._members if full else ():
-            self._position[COMPONENT] = member.number
             member.read(full=True)
         return True
 
@@ -231,7 +213,6 @@ class IteratedGroup:
 
         def sweep(*, again: bool) -> bool:  # noqa: ARG001
             for member in self._members:
-                self._position[COMPONENT] = member.number
                 member.receive(0)
                 member.read(full=False)
             return True

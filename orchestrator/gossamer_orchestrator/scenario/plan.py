@@ -43,7 +43,7 @@ class ComponentPlan:
         Those to this component, also from files.
     sent, recorded : tuple of str
         Variables read at every step because a component receives them, and the others that are recorded; an array of FMI
-        3.0 is in one of them as a whole. Reals come first, then type by type.
+        3.0 is in one of them as a whole.
     """
 
     name: str
@@ -55,20 +55,19 @@ class ComponentPlan:
     recorded: tuple[str, ...]
 
     @property
-    def sent_reals(self) -> list[str]:
-        """The Reals of ``sent``."""
-        return [v for v in self.sent if self.fmu.variables[v].type == "Real"]
-
-    @property
-    def recorded_reals(self) -> list[str]:
-        """The Reals of ``recorded``."""
-        return [v for v in self.recorded if self.fmu.variables[v].type == "Real"]
+    def ports(self) -> list[tuple[str, bool, list[str]]]:
+        """What is read together: its type, whether a component receives it, and the names; Reals come first."""
+        ports: dict[tuple[bool, str, bool], list[str]] = {}
+        for recorded, names in enumerate((self.sent, self.recorded)):
+            for name in names:
+                kind = self.fmu.variables[name].type
+                ports.setdefault((kind != "Real", kind, bool(recorded)), []).append(name)
+        return [(kind, not recorded, names) for (_, kind, recorded), names in sorted(ports.items())]
 
     @property
     def read(self) -> list[str]:
         """Everything that is read, Reals side by side."""
-        reals = [*self.sent_reals, *self.recorded_reals]
-        return [*reals, *(v for v in (*self.sent, *self.recorded) if self.fmu.variables[v].type != "Real")]
+        return [name for _, _, names in self.ports for name in names]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -164,8 +163,8 @@ def make_plan(scenario: Scenario, fmus: Path, *, strict: bool = False) -> Plan:
             every=scenario.components[name].every,
             start=start[name],
             connections=tuple(own),
-            sent=_by_type(sent, fmu),
-            recorded=_by_type(recorded, fmu),
+            sent=tuple(sent),
+            recorded=tuple(recorded),
         )
 
     logger.info("%d steps of %g s, %s, %d columns recorded", scenario.ticks, scenario.step, scenario.master, len(columns))
@@ -180,12 +179,6 @@ def make_plan(scenario: Scenario, fmus: Path, *, strict: bool = False) -> Plan:
         events=events,
         columns=tuple(columns),
     )
-
-
-def _by_type(names: list[str], fmu: FmuFile) -> tuple[str, ...]:
-    """Sort Reals first, then type by type."""
-    kinds = {v: fmu.variables[v].type for v in names}
-    return tuple(sorted(names, key=lambda v: (kinds[v] != "Real", kinds[v])))
 
 
 def _refuse_clocks(component: str, fmu: FmuFile, problems: Problems) -> None:
