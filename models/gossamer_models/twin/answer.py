@@ -186,7 +186,7 @@ def answer_of(
     shares: Shares = ()
     offsets: Shares = ()
     if problem.sensor_error is not None:
-        shares, offsets = problem.sensor_error.off(problem.record.values, reading, problem.weigh_alone)
+        shares, offsets = problem.sensor_error.off(problem.record.values, reading, problem.weigh_alone())
         said += [
             f"sensor {k} is {100.0 * share:.2g} % of its range off its model. Check its place, or identify it again"
             for k, share in enumerate(shares, 1)

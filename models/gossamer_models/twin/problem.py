@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import copy
-from functools import cached_property
-from itertools import pairwise
+from itertools import compress, pairwise
 from threading import Lock
 from typing import TypeAlias
 
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 from ..arrays import Matrix, Rows, Vector
 from .discrepancy import Discrepancy, spline_matrix
 from .forward import LANES, WORKERS, Forward
-from .least_squares import DAMAGE_STEP, MOST_DAMAGE, LeastSquares, Point, neighbours, require_finite
+from .least_squares import DAMAGE_STEP, MOST_DAMAGE, PRIOR_DEVIATION, LeastSquares, Point, neighbours, require_finite
 from .nuisances import BEYOND, SENSOR, Nuisances
 from .record import ResponseRecord, StaticRecord
 from .sensor_error import SensorError
@@ -28,6 +27,7 @@ from .simulation import SensedForward
 NEGLIGIBLE = 1e-9  # of the largest eigenvalue: directions that gaps leave without values; of the noise's variance
 ROUNDED = 1e-14  # of the largest eigenvalue: what round-off leaves of it
 NUISANCE_STEP = 1e-4  # in units of the prior's deviation
+KEPT = 64  # simulations: those of derivatives, which serve again under other weights
 SMALL_STEP = 2e-5  # of damage: errors of differences would tell modulus, density, loads and equal damage apart
 Report: TypeAlias = Callable[[int, int], None]  # how many simulations of how many
 
@@ -221,9 +221,10 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         self.sensed, self.record = sensed, record
         self._zero, self._scale = sensed.scale(record.kind)
         self.simulations, self._report, self._counting = 0, report, Lock()
+        self._known: dict[bytes, tuple[Matrix, Matrix]] = {}
         self._noise, self._splines, self.sensor_error = noise, None, None
         behind = record.kind == "resistance" and (discrepancy is not None or SENSOR in nuisances.kinds)
-        undamaged = require_finite(self._strain(np.zeros((1, self.size)))) if behind else None
+        undamaged = require_finite(self._simulated(np.zeros((1, self.size)))[0]) if behind else None
         self._components = np.zeros((0, *record.values.shape))
         if discrepancy is not None:
             self._splines = spline_matrix(record.samples, record.step, discrepancy.length)
@@ -246,14 +247,22 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         before = self.sensor_error
         if before is None:
             return self
-        error = self._error_along(self._strain(point.x[None]), self.reading(point), before.scales)
-        return self.allowing(error.told(self.record.values, self.weigh_alone))
+        rows, steps = neighbours(point.x, np.arange(self.size), self.steps, self.high)
+        reading = self.reading(point)
+        slopes = (self._read(self.predict(rows), self.z(rows)) - reading) / steps[:, None, None]
+        spread = np.where(np.arange(self.size) < self.zones, PRIOR_DEVIATION, 1.0)
+        error = self._error_along(self._simulated(point.x[None])[0], reading, before.scales)
+        return self.allowing(error.told(self.record.values, self.weigh_alone(slopes * spread[:, None, None])))
 
-    @cached_property
-    def weigh_alone(self) -> dict[int, Callable[[Matrix], Matrix]]:
-        """What weighs the values of each sensor alone, without an error of its own, see ``SensorError.told``."""
+    def weigh_alone(self, unknown: Matrix | None = None) -> dict[int, Callable[[Matrix], Matrix]]:
+        """Return what weighs the values of each sensor alone, without an error of its own, see ``SensorError.told``.
+
+        What the unknowns may change, shape (k, s, n), is weighed like an error of the mesh: the scales of the sensors'
+        errors would otherwise lack what the unknowns have taken from them.
+        """
         sensors, present = np.arange(len(self.record.values)), self.record.present
-        return {k: self._weights_of(present & (sensors == k)[:, None]).weigh for k in self.record.sensors}
+        components = self._components if unknown is None else np.concatenate([self._components, unknown])
+        return {k: self._weights_of(present & (sensors == k)[:, None], components).weigh for k in self.record.sensors}
 
     @property
     def log_determinant(self) -> float:
@@ -261,14 +270,13 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         return self._weights.log_determinant
 
     def _weigh_anew(self) -> None:
-        self._weights = self._weights_of(
-            self.record.present, None if self.sensor_error is None else self.sensor_error.components
-        )
+        own = None if self.sensor_error is None else self.sensor_error.components
+        self._weights = self._weights_of(self.record.present, self._components, own)
         self.values = self._weights.values
         self.y = self._weights.weigh(np.where(self.record.present, self.record.values, 0.0)[None])[0]
 
-    def _weights_of(self, present: Rows, own: Matrix | None = None) -> RecordWeights:
-        return RecordWeights(present, self._noise, self._components, self._splines, own)
+    def _weights_of(self, present: Rows, components: Matrix, own: Matrix | None = None) -> RecordWeights:
+        return RecordWeights(present, self._noise, components, self._splines, own)
 
     def _error_along(self, strain: Matrix, resistance: Matrix, scales: Matrix | None = None) -> SensorError:
         bank, n = self.sensed.require_bank(), self.record.samples
@@ -276,7 +284,7 @@ class RecordProblem(DamageUnknowns, LeastSquares):
 
     def predict(self, x: Matrix) -> Matrix:
         """Return strain or resistance without gain, offset and delay, shape (m, s, n or more)."""
-        return self.sensed.read(self._strain(x), self.record.kind, self.record.step)
+        return self._simulated(x)[1]
 
     def weigh(self, predicted: Matrix, x: Matrix) -> Matrix:
         """Weigh what sensors with gain, offset and delay read, shape (m, values)."""
@@ -312,9 +320,25 @@ class RecordProblem(DamageUnknowns, LeastSquares):
     def _read(self, predicted: Matrix, z: Matrix) -> Matrix:
         return self.nuisances.read(predicted, self._zero, self._scale, z)[:, :, : self.record.samples]
 
+    def _simulated(self, x: Matrix) -> tuple[Matrix, Matrix]:
+        """Return the strain of rows of unknowns and what sensors read of it, shape (m, s, n); the last ones are kept."""
+        keys = [row.tobytes() for row in x]
+        with self._counting:  # starts run side by side
+            found = {key: self._known[key] for key in keys if key in self._known}
+        new = np.array([key not in found for key in keys])
+        if new.any():
+            strain = self._strain(x[new])
+            read = self.sensed.read(strain, self.record.kind, self.record.step)
+            made = dict(zip(compress(keys, new), zip(strain, read, strict=True), strict=True))
+            found |= made
+            with self._counting:
+                self._known = dict(list((self._known | made).items())[-KEPT:])
+        strains, reads = zip(*(found[key] for key in keys), strict=True)
+        return np.stack(strains), np.stack(reads)
+
     def _strain(self, x: Matrix) -> Matrix:
         record = self.record
-        with self._counting:  # starts run side by side
+        with self._counting:
             self._report(record.samples * record.step, self.simulations)
             self.simulations += len(x)
         if isinstance(record, StaticRecord):

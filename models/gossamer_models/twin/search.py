@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -35,7 +36,7 @@ FEW_SENSORS = 1.5  # zones for each: with more zones there may be several minima
 HOPELESS = 5.0  # deviations of chi2 above the expected one
 MOST_STEPS = 12  # of one descent
 FEW_STEPS = 2  # where it is hopeless
-ROUNDS = 3  # of the scales of the errors of the sensors
+ROUNDS = 12  # of the scales of the errors of the sensors
 RIVAL_STEPS = 4  # of the descent of another set of zones
 
 
@@ -84,6 +85,11 @@ class Fit:
         return self.point.chi2 + self.problem.log_determinant
 
     @property
+    def worth(self) -> float:
+        """Minus twice the logarithm of the evidence of the kept unknowns and of the scales of sensors' errors."""
+        return self.unlikely + price(self.model, box(self.problem, self.point.x), self.kept)
+
+    @property
     def passes(self) -> bool:
         """Whether chi2 per sample is below its bound, and no nuisance as far from its prior as the search goes."""
         far = np.abs(self.problem.z(self.point.x[None])).max(initial=0.0)
@@ -128,16 +134,17 @@ def search(
     nothing passes. Where there are few sensors they are tried too if chi2 of what passes is above the expected one, or
     without early stages, which have fewer valleys.
     """
-    whole, ends, going, hopeless = stages[-1], list[Fit](), list[_Begun](), False
+    whole, ends, going, hopeless = stages[-1], list[Fit](), list[Begun](), False
+    start = partial(begun, stages[:-1], one_valley=one_valley)
     for damage in [*([] if given is None else [given]), np.zeros(whole.zones)]:
-        begun = _begun(stages, damage, one_valley=one_valley)
-        if begun is None:
+        first = start(_unknowns(whole, damage))
+        if first is None:
             continue
-        hopeless = begun.hopeless and not damage.any()
-        if begun.far and not hopeless:
-            going.append(begun)
-        elif not ends or begun.reached <= ends[-1].early_chi2 - THRESHOLD:
-            ends += [fit for fit in [_ended(whole, begun, sparse=sparse)] if fit is not None]
+        hopeless = first.hopeless and not damage.any()
+        if first.far and not hopeless:
+            going.append(first)
+        elif not ends or first.reached <= ends[-1].early_chi2 - THRESHOLD:
+            ends += [fit for fit in [_ended(whole, first, sparse=sparse)] if fit is not None]
         if hopeless or any(fit.passes for fit in ends):
             break
     passes = [misfit(whole, fit.point) for fit in ends if fit.passes]
@@ -145,14 +152,13 @@ def search(
     doubtful = few and (not stages[:-1] or min(passes, default=np.inf) > DOUBTFUL)
     if not hopeless and (doubtful or not passes):
         others = _others(stages[0])[: MORE_STARTS if passes and not stages[:-1] else MOST_STARTS]
-        starts = _side_by_side(lambda damage: _begun(stages, damage, one_valley=one_valley), others)
-        going += [begun for begun in starts if begun is not None]
+        going += [each for each in _side_by_side(start, others) if each is not None]
         reached = min((fit.early_chi2 for fit in ends), default=np.inf) - THRESHOLD
-        lowest = min((begun.reached for begun in going), default=np.inf) + THRESHOLD
-        lower = [begun for begun in going if begun.reached <= min(reached, lowest)]
-        if not ends and all(begun.far for begun in going):
-            lower = [replace(begun, hopeless=True) for begun in lower[:1]]
-        found = _side_by_side(lambda begun: _ended(whole, begun, sparse=sparse), lower)
+        lowest = min((each.reached for each in going), default=np.inf) + THRESHOLD
+        lower = [each for each in going if each.reached <= min(reached, lowest)]
+        if not ends and all(each.far for each in going):
+            lower = [replace(each, hopeless=True) for each in lower[:1]]
+        found = _side_by_side(partial(_ended, whole, sparse=sparse), lower)
         ends += [fit for fit in found if fit is not None]
     if not ends:
         msg = "the twin's membrane fails from every start. Check its parameters and the load."
@@ -162,44 +168,54 @@ def search(
 
 
 @dataclass(frozen=True)
-class _Begun:
-    """Where the early stages have led: unknowns, smallest chi2 of the last one, whether above its bound, and hopeless."""
+class Begun:
+    """Where the early stages have led.
+
+    Attributes
+    ----------
+    x : ndarray, shape (n,)
+        Unknowns.
+    reached, misfit : float
+        Smallest chi2 of the last stage, and by how many deviations it is above the expected one; infinite without stages.
+    far, hopeless : bool
+        Whether it is above its bound, and whether the first stage is far above it.
+    """
 
     x: Vector
-    reached: float
-    far: bool
-    hopeless: bool
+    reached: float = math.inf
+    misfit: float = math.inf
+    far: bool = False
+    hopeless: bool = False
 
 
-def _begun(stages: Sequence[RecordProblem], damage: Vector, *, one_valley: bool) -> _Begun | None:
-    """Follow a start through the early stages; None if the simulation fails."""
-    x, reached, far, hopeless = _unknowns(stages[-1], damage), np.inf, False, False
+def begun(stages: Sequence[RecordProblem], x: Vector, *, one_valley: bool) -> Begun | None:
+    """Follow a start through early stages, no further than the first that is hopeless; None if the simulation fails."""
+    found = Begun(x)
     try:
-        for k, stage in enumerate(stages[:-1]):
-            most = FEW_STEPS if hopeless else MOST_STEPS
+        for k, stage in enumerate(stages):
             free = np.ones(stage.size, dtype=bool)
-            point = descend(stage, x, free, most, enough=ROUGH).point
+            point = descend(stage, found.x, free, MOST_STEPS, enough=ROUGH).point
             if stage.sensor_error is not None:
                 stage = stage.told(point)
-                point = descend(stage, point.x, free, most, enough=ROUGH).point
-            x, reached = point.x, point.chi2
-            far = point.chi2 > chi2_bound(stage) * stage.values
-            hopeless |= one_valley and k == 0 and misfit(stage, point) > HOPELESS
+                point = descend(stage, point.x, free, MOST_STEPS, enough=ROUGH).point
+            off, far = misfit(stage, point), point.chi2 > chi2_bound(stage) * stage.values
+            found = Begun(point.x, point.chi2, off, far, one_valley and k == 0 and off > HOPELESS)
+            if found.hopeless:
+                break
     except ConvergenceError:
         return None
-    return _Begun(x, reached, far, hopeless)
+    return found
 
 
-def _ended(whole: RecordProblem, begun: _Begun, *, sparse: bool) -> Fit | None:
+def _ended(whole: RecordProblem, start: Begun, *, sparse: bool) -> Fit | None:
     """Return the fit of the whole record from there, or None if the simulation fails."""
     try:
-        fit = _finish(whole, begun.x, begun.reached, sparse=sparse, hopeless=begun.hopeless)
-        for _ in range(0 if whole.sensor_error is None or begun.hopeless else ROUNDS):
-            told = fit.problem.told(fit.point)
-            there = told.judged(fit.point.x[None], fit.point.predicted[None])[0].chi2 + told.log_determinant
-            if there > fit.unlikely - ROUGH:
+        fit = _finish(whole, start.x, start.reached, sparse=sparse, hopeless=start.hopeless)
+        for _ in range(0 if whole.sensor_error is None or start.hopeless else ROUNDS):
+            told = _finish(fit.problem.told(fit.point), fit.point.x, start.reached, sparse=sparse, hopeless=False)
+            if told.worth > fit.worth - ROUGH:
                 break
-            fit = _finish(told, fit.point.x, begun.reached, sparse=sparse, hopeless=False)
+            fit = told
         return _with_rivals(fit) if sparse and fit.passes else fit
     except ConvergenceError:
         return None
@@ -230,13 +246,13 @@ def box(problem: RecordProblem, at: Vector) -> Box:
 
 
 def _others(problem: RecordProblem) -> list[Vector]:
-    """Return damages to start from after none: those of one zone and random ones, best first."""
+    """Return unknowns to start from after none: those of one zone and random ones, best first."""
     zones = problem.zones
     random = np.random.default_rng(zones)
     few = random.random((32, zones)) < 0.2
     many = np.vstack([0.4 * np.eye(zones), 0.6 * few * random.random((32, zones))])
     points = problem.points(np.array([_unknowns(problem, damage) for damage in many]))
-    return list(many[np.argsort([point.chi2 for point in points])])
+    return [point.x for point in sorted(points, key=lambda point: point.chi2)]
 
 
 def _unknowns(problem: RecordProblem, damage: Vector) -> Vector:

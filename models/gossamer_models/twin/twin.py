@@ -21,7 +21,7 @@ from .answer import Answer, answer_of, untold_zones
 from .discrepancy import Discrepancy, default_discrepancy, is_learned
 from .forward import Forward, forward_of
 from .groups import alike, untold, without_nuisances
-from .least_squares import MOST_DAMAGE, descend
+from .least_squares import MOST_DAMAGE
 from .mesh_error import MeshError, MeshErrors
 from .nuisances import (
     BY_DEFAULT,
@@ -39,7 +39,7 @@ from .nuisances import (
 from .problem import DamageUnknowns, RecordProblem
 from .reasons import likely_reason
 from .record import LEAST_SAMPLES, ResponseRecord, StaticRecord, Wiring, best_wiring, dead_sensors, other_wirings
-from .search import HOPELESS, ROUGH, Fit, misfit, search
+from .search import Fit, begun, search
 from .simulation import SensedForward
 
 EARLY = (0.6, 2.0)  # first periods of the first stages: early, chi2 has one valley; over two periods it has several
@@ -334,16 +334,11 @@ class Twin:
         return best_wiring(wirings, [self._early_misfit(wiring.applied(record), report) for wiring in wirings])
 
     def _early_misfit(self, record: ResponseRecord, report: Callable[[float, int], None]) -> float:
-        """Return the misfit of the last early stage, or of the first one that is hopeless."""
-        x, found, early = None, np.inf, self._early_samples(record) or [self._compared(record)]
-        for samples in early:
-            stage = self._problem(record, report, samples=samples)
-            start = np.zeros(stage.size) if x is None else x
-            point = descend(stage, start, np.ones(stage.size, dtype=bool), enough=ROUGH).point
-            x, found = point.x, misfit(stage, point)
-            if found > HOPELESS:
-                break
-        return found
+        """Return the misfit of the last early stage, or of a first one that is hopeless."""
+        lengths = self._early_samples(record) or [self._compared(record)]
+        early = [self._problem(record, report, samples=samples) for samples in lengths]
+        found = begun(early, np.zeros(early[0].size), one_valley=True)
+        return math.inf if found is None else found.misfit
 
     def _answer(self, fit: Fit, doubts: list[str], wiring: Wiring | None, unresolved: tuple[int, ...]) -> Answer:
         more, hidden = list[str](), False
