@@ -57,7 +57,8 @@ figures: $(TOOLS)
 	$(BIN)/python docs/make_damage_page.py
 
 # Everything is pinned by hash; the project itself is installed editable on top. The demo needs the light packages and the
-# compiler. Modules are compiled when they are imported, which takes less than to compile all that is installed.
+# compiler. Modules are compiled when they are imported, which takes less than to compile all that is installed, and kept.
+unexport PYTHONDONTWRITEBYTECODE
 PIP := $(BIN)/python -m pip install --quiet --no-compile --no-deps
 $(STAMP): constraints-light.txt constraints.txt pyproject.toml
 	@echo "Installing what the demo needs into $(VENV), which takes half a minute to two minutes."
