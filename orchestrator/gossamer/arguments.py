@@ -322,6 +322,11 @@ def with_commas(value: Any) -> str:  # noqa: ANN401
     return _text(value) if one else ",".join(map(_text, value))
 
 
+def names_of(given: NamesWithCommas) -> tuple[str, ...]:
+    """Return names of a list with commas; "none" stands for no name."""
+    return tuple(name.strip() for name in with_commas(given).split(",") if name.strip() != "none")
+
+
 def call_of(name: str, given: Mapping[str, Any]) -> str:
     """Write a call as Python does, for a provenance: what differs from the defaults, files without their folders."""
     taken = declared(COMMANDS[name])

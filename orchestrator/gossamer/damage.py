@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
-from .arguments import AnyPath, File, NamesWithCommas, command, with_commas
+from .arguments import AnyPath, File, NamesWithCommas, command, names_of
 from .options import TwinOptions
 from .records import beside, file_of, find_record, name_of
 from .results import INVALID, Saved, as_png, typed, zone_coordinates
@@ -208,8 +208,8 @@ def twin(
         fitting = Twin(
             **given,
             mesh_error=errors,
-            nuisances=_names(fit),
-            known=BY_DEFAULT if _names(known) == ("all",) else _names(known),
+            nuisances=names_of(fit),
+            known=BY_DEFAULT if names_of(known) == ("all",) else names_of(known),
             sparse=sparse,
             whole=stop is not None,
         )
@@ -226,11 +226,6 @@ def twin(
     compared = _compared(source, found.record, answer.record, stop)
     pages = save_page(lambda: twin_page(name_of(source), answer, compared, shown=shown), path.with_suffix(""))
     return TwinAnswer(files=[path, *pages], answer=answer, compared=compared, shown=shown)
-
-
-def _names(given: NamesWithCommas) -> tuple[str, ...]:
-    """Return names of a list with commas, or none."""
-    return tuple(name.strip() for name in with_commas(given).split(",") if name.strip() != "none")
 
 
 def _compared(path: Path, given: ResponseRecord, used: ResponseRecord, stop: float | None) -> str:

@@ -10,7 +10,7 @@ from gossamer_files.options import option
 from gossamer_files.tables import TableText
 from gossamer_orchestrator.errors import OrchestratorError
 
-from .arguments import Count, CountOrNone, File, Folder, NotNegative, Values, assigned, command
+from .arguments import Count, CountOrNone, File, Folder, NamesWithCommas, NotNegative, Values, assigned, command, names_of
 from .records import numbers_by_name
 from .results import Saved, first_of
 from .terminal import progress_bar
@@ -115,8 +115,14 @@ class SensorPlacement(Saved):
     @property
     def _told(self) -> list[str]:
         """What numbers of sensors tell, and what they do not."""
-        curve = [f"{count} {'give' if count > 1 else 'gives'} {100.0 * worst:.2g} %" for count, worst in self.result.curve]
+        seen = [each for each in self.result.curve if each[1] < 1.0]
+        curve = [f"{count} {'give' if count > 1 else 'gives'} {100.0 * worst:.2g} %" for count, worst in seen]
         told = [f"Deviation of the worst zone by the number of sensors: {', '.join(curve)}."] * bool(curve)
+        if self.result.curve and self.result.curve[-1][1] > self.result.target:
+            told.append(
+                f"No number of sensors reaches {100.0 * self.result.target:.2g} %: measure the loads and state what is "
+                f"{option('known')}, average more samples, or load it in another way."
+            )
         return [*told, *self.result.unseen]
 
     @property
@@ -134,8 +140,8 @@ class SensorPlacement(Saved):
         """Return what was chosen from what, whether the check agrees, and where the sensors are."""
         found = self.result
         lines = [
-            f"{len(found.chosen.sensors)} of {found.candidates} candidates; {found.samples} samples, one each "
-            f"{found.step:.4g} s, with white noise of deviation {found.noise:.3g}; a90 of 95 % stands for 95 % or more.",
+            f"{len(found.chosen.sensors)} of {found.candidates} candidates; {found.record}, with white noise of deviation "
+            f"{found.noise:.3g}; a90 of 95 % stands for 95 % or more.",
             *self._told,
             *self._checked,
         ]
@@ -180,8 +186,7 @@ class SensorPlacement(Saved):
         ]
         about = [
             ("Candidates", found.candidates),
-            ("Samples of a record", found.samples),
-            ("Time between samples [s]", f"{found.step:.4g}"),
+            ("Record", found.record),
             ("Deviation of the noise of a sample [1]", f"{found.noise:.4g}"),
             ("Simulated cases", found.simulations),
         ]
@@ -197,7 +202,7 @@ class SensorPlacement(Saved):
             more=self.more(),
             charts=placement_charts(self.result),
             facts="\n".join(parts),
-            how="All zones, the load's amplitude, the damping and an offset of each sensor are unknown together.",
+            how="All zones, the loads' amplitudes, the damping and an offset of each sensor are unknown together.",
         )
 
     def to_json(self) -> dict[str, Any]:
@@ -231,6 +236,8 @@ def place_sensors(
     target: NotNegative = 0.02,
     noise: float | None = None,
     set: Values | None = None,
+    load: File | None = None,
+    known: NamesWithCommas = "none",
     stop: float | None = None,
     step: float | None = None,
     points: Count = 64,
@@ -253,7 +260,7 @@ def place_sensors(
     mesh
         Mesh file in place of the setup's own.
     count
-        Sensors to choose; by default as many as reach the target.
+        Sensors to choose; by default as many as reach the target, or tell nearly as much as 64.
     target
         Standard deviation of the worst zone's damage [1] to reach.
     noise
@@ -261,9 +268,15 @@ def place_sensors(
         1e-4 with a setup.
     set
         A parameter or input of the membrane; may be repeated.
+    load
+        CSV table of the loads and motions that act: columns of inputs of the membrane with units, base_acceleration[1]
+        [m/s2], beside time, which begins at rest under the first row and is repeated after the last, or beside state, a
+        name for the state of rest that each row is.
+    known
+        What is known exactly of amplitude, that of all loads, and damping; with commas between, or all.
     stop
         Length of a record from the moment that the load sets in [s]; by default six of the structure's longest periods, or
-        two of its load, if they are longer; 0.3 s of the square.
+        two of its pressure or one of its table, if they are longer; 0.3 s of the square.
     step
         Time between samples [s]; by default a 150th of the longest period, 3e-4 s of the square.
     points
@@ -289,27 +302,31 @@ def place_sensors(
         gossamer place-sensors --count 4 --check 40
 
         gossamer place-sensors --setup drum --count 8 --noise 1e-5
+
+        gossamer place-sensors --setup sail --load states.csv
     """
     from gossamer_files import replacing
     from gossamer_models.membrane import MembraneParams, square_structure
     from gossamer_models.placement import GAUGE_NOISE, NOISE, STEP, STOP, save_picture, sensors_text, write_csv
     from gossamer_models.placement import place_sensors as place
+    from gossamer_models.placement.placing import UNKNOWN
+    from gossamer_models.twin import read_loads
     from gossamer_orchestrator.scenario.source import find_scenario
 
     from .descriptions import load_structure
 
     folder = Path(out)
     table, picture, sensors = (folder / name for name in ("placement.csv", "placement.png", "sensors.toml"))
-    keep_inputs([setup, mesh], [table, picture, sensors])
+    keep_inputs([setup, mesh, load], [table, picture, sensors])
     if setup is None and mesh is not None:
         msg = f"{option('mesh')} needs a setup. Write: gossamer place-sensors --setup sail.toml --mesh sail.msh"
         raise OrchestratorError(msg)
     bar = progress_bar("place-sensors")
-    load = {}
+    acting = {}
     if setup is None:
         structure, p = square_structure(), MembraneParams()
         step, stop = STEP if step is None else step, STOP if stop is None else stop
-        load = {name: getattr(p, name) for name in ("pressure_amplitude", "pressure_frequency", "pressure_phase")}
+        acting = {name: getattr(p, name) for name in ("pressure_amplitude", "pressure_frequency", "pressure_phase")}
     else:
         structure = load_structure(find_scenario(str(setup), "membrane"), None if mesh is None else Path(mesh))
     if noise is None:
@@ -324,8 +341,10 @@ def place_sensors(
     with bar:
         found = place(
             structure,
-            load | numbers_by_name(assigned(set), "for instance pressure_amplitude=100"),
+            acting | numbers_by_name(assigned(set), "for instance pressure_amplitude=100"),
             count,
+            known=UNKNOWN if names_of(known) == ("all",) else names_of(known),
+            loads=None if load is None else read_loads(Path(load), structure),
             target=target,
             noise=noise,
             points=points,

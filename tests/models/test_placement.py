@@ -13,7 +13,7 @@ from gossamer_models.placement import NOISE, place_sensors, save_picture, sensor
 from gossamer_models.placement.candidates import ANGLES, candidates
 from gossamer_models.placement.information import THRESHOLD, choose, deviations, information, smallest_damage, weakest
 from gossamer_models.placement.placing import _unseen
-from gossamer_models.twin import MembraneForward
+from gossamer_models.twin import LoadTable, MembraneForward
 from gossamer_models.twin.nuisances import OFFSET, Nuisances
 from gossamer_models.twin.problem import DamageUnknowns
 from scipy.stats import norm
@@ -251,6 +251,47 @@ def test_what_no_sensor_tells_is_said_in_words():
     third = np.diag([0.0, 0.0, 1e4])
     assert "by the chosen sensors: merge them, or add a sensor at (0.392, 0.196, 0) m." in told(np.array([pair, third]))[0]
     assert told(np.diag([1e4, 1e4, 1e4])[None]) == []
+
+
+def test_a_combination_of_many_zones_is_as_unknown_as_one_of_few():
+    """The mean of twelve damages that may be anything is known four times as well as one, and is not in the record."""
+    total = np.diag(np.full(16, 1e4)) - 1e4 / 16.0
+    sheet = membrane.square_structure(4, 1)
+    assert "Damage common to all zones" in next(_unseen(sheet, total[None], [0], sheet.setup.sensors))
+
+
+@pytest.fixture(scope="module")
+def drum():
+    """The shipped drum, which its base shakes and no pressure."""
+    pytest.importorskip("ziglang", reason="the simulations need the compiler for their speed")
+    return load_structure(SHIPPED / "drum.toml")
+
+
+def test_a_structure_that_its_base_shakes_gets_sensors(drum):
+    time = np.linspace(0.0, 0.04, 81)
+    shaken = LoadTable(
+        values={"base_acceleration[3]": tuple(300.0 * np.sin(2.0 * np.pi * 50.0 * time))}, time=tuple(time.tolist())
+    )
+    many = {"points": 4, "noise": 1e-6, "step": 5e-4, "stop": 0.1}
+    found = place_sensors(drum, {"pressure_amplitude": 0.0}, 2, loads=shaken, **many)
+    known = place_sensors(drum, {"pressure_amplitude": 0.0}, 2, loads=shaken, known=["amplitude", "damping"], **many)
+    assert found.simulations == known.simulations + 2
+    assert known.own.deviation.max() < found.own.deviation.max() < 1.0
+
+
+def test_states_of_rest_tell_what_a_fit_to_them_finds():
+    """A sail, pulled and pressed on; fits to noisy readings scatter as predicted."""
+    sail = load_structure(SHIPPED / "sail.toml")
+    states = LoadTable(values={"boom_x": (0.9, 1.2, 0.9), "boom_y": (0.9, 1.2, 0.9), "pressure": (0.1, 0.3, 1.0)})
+    found = place_sensors(sail, {}, 12, loads=states, points=8, noise=1e-6, known=["amplitude"], records=3)
+    assert found.record == "3 states of rest"
+    assert found.chosen.deviation.max() < found.own.deviation.max()
+    assert found.chosen.check.agrees
+    with pytest.raises(ParameterError, match=r"states have no stop="):
+        place_sensors(sail, {}, 2, loads=states, stop=1.0)
+    pulled = LoadTable(values={"boom_x": (0.8, 0.9, 1.2), "boom_y": (0.8, 0.9, 1.2)})
+    found = place_sensors(sail, {}, 12, loads=pulled, points=8, noise=1e-4, known=["amplitude"])
+    assert "Damage common to all zones is not in this record" in found.unseen[0]
 
 
 def test_without_a_count_as_many_sensors_as_the_target_needs_are_chosen(square):

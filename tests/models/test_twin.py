@@ -8,7 +8,7 @@ import pytest
 from gossamer_models import DataError, ParameterError
 from gossamer_models.membrane import MembraneParams, square_structure
 from gossamer_models.sensor import default_artifact
-from gossamer_models.twin import MembraneForward, ResponseRecord, Twin, make_record, read_table
+from gossamer_models.twin import MembraneForward, ResponseRecord, Twin, make_record, read_loads, read_table
 from gossamer_models.twin.discrepancy import SPACING, Discrepancy
 from gossamer_models.twin.nuisances import BY_DEFAULT
 from gossamer_models.twin.record import dead_sensors
@@ -328,6 +328,35 @@ def test_a_table_that_is_no_record_is_refused(tmp_path, text, message):
     path.write_text(text)
     with pytest.raises(DataError, match=message):
         read_table(path)
+
+
+def test_loads_alone_are_read_over_time_or_by_state(tmp_path):
+    """Units are those of the columns; a table whose last row is the first again is repeated after it, else a step later."""
+    path = tmp_path / "loads.csv"
+    path.write_text("time [ms],pressure [kPa],base_acceleration [m/s2]\n100,0,0\n101,1,0.5\n103,0,0\n")
+    table = read_loads(path, square_structure())
+    assert table.time == pytest.approx((0.0, 1e-3, 3e-3))
+    assert table.values["pressure"] == pytest.approx((0.0, 1e3, 0.0))
+    acting = table.loads(6, 1e-3)
+    assert acting.start == {"pressure": 0.0, "base_acceleration": 0.0}
+    np.testing.assert_allclose(acting.histories["pressure"], [1e3, 500.0, 0.0, 1e3, 500.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(acting.histories["base_acceleration"][0], 0.5)
+    path.write_text("time [s],pressure [Pa]\n0,0\n1,1\n2,2\n")
+    assert read_loads(path, square_structure()).length == 3.0
+    path.write_text("state,pressure [Pa]\na,1\nb,2\n")
+    assert read_loads(path, square_structure()).loads(2, 0.0).histories["pressure"].tolist() == [1.0, 2.0]
+    for text, message in (
+        ("state,pressure [Pa]\na,1\na,2\n", "a name of its own for each state"),
+        ("time [s],pressure\n0,1\n1,2\n", r"line 1: column 'pressure' has no unit"),
+        ("time [s],pressur [Pa]\n0,1\n1,2\n", "no load 'pressur'. Did you mean 'pressure'"),
+        ("time [s],date\n0,1\n1,2\n", "holds no load"),
+        ("time [s],pressure [Pa]\n0,1\n2,2\n1,2\n", "line 4: time goes backwards"),
+        ("time [s],pressure [Pa]\n0,1\n,2\n2,2\n", "line 3"),
+        ("time [s],pressure [Pa]\n0,1\n0,2\n", "line 3: 0 s stands twice"),
+    ):
+        path.write_text(text)
+        with pytest.raises(DataError, match=message):
+            read_loads(path, square_structure())
 
 
 def test_a_record_may_begin_after_the_load():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
@@ -19,7 +19,7 @@ from ..membrane import Sensor, Structure
 from ..twin.forward import MembraneForward
 from ..twin.groups import UNRESOLVED
 from ..twin.least_squares import PRIOR_DEVIATION
-from ..twin.nuisances import FACTORS, Nuisances
+from ..twin.nuisances import OF_MOTION, Loads, LoadTable, Nuisances, possible
 from ..twin.problem import DamageUnknowns
 from .candidates import candidates
 from .check import MonteCarloCheck, check
@@ -31,10 +31,11 @@ STEP = 3e-4  # [s] of the square, as the twin compares its records
 STOP = 0.3  # [s]
 PERIODS, PER_PERIOD, CYCLES = 6.0, 150.0, 2.0  # of a record: longest periods, samples in each, periods of the load
 STILL = 1e-12  # change of strain [1] that is none
-UNKNOWN = ("amplitude", "damping")  # beside damage and offsets, where they are not zero
+UNKNOWN = ("amplitude", "damping")  # beside damage and offsets, where they act
 COUNTS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)  # of sensors, of which the curve is made
 TRIED = 3  # first candidates of each of them
 TARGET = 0.02  # deviation [1] of the worst zone that a count is looked for with
+ENOUGH = 1.2  # times the deviation of the most sensors: as many are taken where none reach the target
 ROUGH = 0.2  # a response that is further from a parabola in the damage is not smooth
 COMMON = 0.3  # smallest part over the largest of a damage that all zones share
 PART = 0.5  # of the largest: zones that make up a combination
@@ -82,9 +83,11 @@ class Placing:
     noise : float
         Standard deviation [1] of each sample.
     samples, step : int, float
-        Of a record, and the time between them [s].
+        Of a record, and the time between them [s]; 0 for states of rest.
     simulations : int
         Cases that were simulated.
+    target : float
+        Deviation of the worst zone [1] that was wanted.
     curve : tuple of tuple
         Numbers of sensors with the deviation of the worst zone [1]; none where the number was given.
     unseen : tuple of str
@@ -99,8 +102,14 @@ class Placing:
     samples: int
     step: float
     simulations: int
+    target: float = TARGET
     curve: tuple[tuple[int, float], ...] = ()
     unseen: tuple[str, ...] = ()
+
+    @property
+    def record(self) -> str:
+        """What a record is."""
+        return f"{self.samples} samples, one each {self.step:.4g} s" if self.step else f"{self.samples} states of rest"
 
 
 def place_sensors(
@@ -108,6 +117,8 @@ def place_sensors(
     load: Mapping[str, float],
     count: int | None = 4,
     *,
+    loads: LoadTable | None = None,
+    known: Collection[str] = (),
     target: float = TARGET,
     noise: float = NOISE,
     points: int = 64,
@@ -124,9 +135,13 @@ def place_sensors(
     structure : Structure
         The membrane, with zones; its own sensors are among the candidates.
     load : mapping of str to float
-        Parameters and inputs that differ from their start values; the built-in pressure must act.
+        Parameters and inputs that differ from their start values.
     count : int or None
-        Sensors to choose; None for as many as reach the target, 64 at most.
+        Sensors to choose; None for as many as reach the target, or tell nearly as much as 64.
+    loads : LoadTable or None
+        What moves the structure, or brings it to some states of rest; None for the built-in pressure alone.
+    known : collection of str
+        Of amplitude and damping, which are unknown beside damage and offsets.
     target : float
         Deviation of the worst zone [1].
     noise : float
@@ -135,7 +150,7 @@ def place_sensors(
         Most points among the candidates, four directions at each.
     step, stop : float or None
         Time between samples, and length of a record from the moment that the load sets in [s]; by default a 150th of the
-        longest period, and six of them, or two periods of the load if they are longer.
+        longest period, and six of them, or two periods of the load if they are longer. States have neither.
     gauge_length : float
         Of the candidates [m].
     records : int
@@ -158,26 +173,38 @@ def place_sensors(
     -----
     All is linear about the undamaged membrane. The model is taken to be exact: what a finer mesh would add is left out.
     """
+    if unheard := {*known} - {*UNKNOWN}:
+        msg = f"{', '.join(sorted(unheard))} cannot be {option('known')}; {' and '.join(UNKNOWN)} can."
+        raise ParameterError(msg)
     report("laying out the candidates", 0, 0)
     every = candidates(structure, points, gauge_length, own=True)
     forward = MembraneForward(structure, load, every)
-    known, zones = forward.parameters, len(forward.zones)
-    if stop is None:
-        f = known["pressure_frequency"] if known["pressure_amplitude"] > 0.0 else 0.0
-        stop = float(f"{max(PERIODS * forward.period, CYCLES / f if f else 0.0):.2g}")
-    if step is None:
-        step = float(f"{forward.period / PER_PERIOD:.2g}")
-    samples = _samples(noise, step, stop)
-    unknown = tuple(name for name in UNKNOWN if known[FACTORS[name][0]] > 0.0)
-    nuisances = Nuisances(unknown, known, forward.inputs, forward.sensors)
-    problem, simulations = DamageUnknowns(forward, nuisances), 1 + zones + len(unknown)
+    parameters, zones = forward.parameters, len(forward.zones)
+    if loads is not None and loads.states:
+        samples, step = loads.states, 0.0
+        if stop is not None or not 0.0 < noise < math.inf:
+            msg = f"{option('noise')} is a positive number, and states have no {option('stop')}. Correct them."
+            raise ParameterError(msg)
+    else:
+        if stop is None:
+            f = parameters["pressure_frequency"] if parameters["pressure_amplitude"] > 0.0 else 0.0
+            cycles = CYCLES / f if f else 0.0 if loads is None else loads.length
+            stop = float(f"{max(PERIODS * forward.period, cycles):.2g}")
+        if step is None:
+            step = float(f"{forward.period / PER_PERIOD:.2g}")
+        samples = _samples(noise, step, stop)
+    acting = Loads() if loads is None else loads.loads(samples, step)
+    left_out = {*known} if step else {*known, *OF_MOTION}
+    unknown = tuple(name for name in possible(parameters, acting) if name in UNKNOWN and name not in left_out)
+    nuisances = Nuisances(unknown, parameters, forward.inputs, forward.sensors, acting)
+    problem, simulations = DamageUnknowns(forward, nuisances), 1 + zones + len(nuisances.simulated)
     report(f"compiling the membrane and simulating {simulations} cases", 0, 0)
     strain, J = problem.linearised(np.zeros(problem.size), samples, step, lambda *each: report("simulations", *each))
     if np.ptp(strain, axis=1).max() <= STILL:
         msg = (
             "no strain changes while it is recorded, so it tells nothing. Let the built-in pressure act, for instance "
-            f"{option('set', 'pressure_amplitude=100')} {option('set', 'pressure_frequency=5')}, on a setup with a "
-            "load of kind 'pressure'. A structure at rest, as the shipped sail, is for the twin, from load states."
+            f"{option('set', 'pressure_amplitude=100')} {option('set', 'pressure_frequency=5')}, on a setup with a load "
+            f"of kind 'pressure'; or name a table of loads over time, or of states of rest, with {option('load')}."
         )
         raise ParameterError(msg)
     report("checking that the response is smooth", 0, 0)
@@ -194,7 +221,8 @@ def place_sensors(
     for many in COUNTS if count is None else ():
         if many <= len(I) and (not curve or curve[-1][1] > target):
             curve.append((many, float(deviations(I[choose(I, zones, many, TRIED)].sum(axis=0), zones).max())))
-    count = curve[-1][0] if count is None else count
+    if count is None:
+        count = next(many for many, worst in curve if worst <= max(target, ENOUGH * curve[-1][1]))
 
     def placement(which: list[int], name: str) -> Placement:
         gauges = every.only(which)
@@ -216,6 +244,7 @@ def place_sensors(
         samples=samples,
         step=step,
         simulations=simulations,
+        target=target,
         curve=tuple(curve),
         unseen=tuple(_unseen(structure, I, kept, every.sensors)),
     )
@@ -224,12 +253,10 @@ def place_sensors(
 def _unseen(structure: Structure, I: Matrix, kept: list[int], sensors: tuple[Sensor, ...]) -> Iterator[str]:
     """Say which damages are known by no more than that they are between 0 and 95 %."""
     zones, names = structure.n_zones, structure.zone_names
-    deviation, v = weakest(I.sum(axis=0), zones)
-    lost = deviation > UNRESOLVED * PRIOR_DEVIATION
-    if not lost:
-        deviation, v = weakest(I[kept].sum(axis=0), zones)
-        if deviation <= UNRESOLVED * PRIOR_DEVIATION:
-            return
+    lost = _lacked(I, zones)
+    if not lost and not _lacked(I[kept], zones):
+        return
+    _, v = weakest((I if lost else I[kept]).sum(axis=0), zones)
     which = [f"{k + 1} ({names[k]})" for k in np.flatnonzero(np.abs(v) >= PART)]
     if v.min() > COMMON:
         yield (
@@ -243,6 +270,12 @@ def _unseen(structure: Structure, I: Matrix, kept: list[int], sensors: tuple[Sen
     what = "can only be told together" if len(which) > 1 else "is not told"
     where = "wherever sensors are" if lost else "by the chosen sensors"
     yield f"Zone{'s' * (len(which) > 1)} {', '.join(which)} {what} {where}: {cure}."
+
+
+def _lacked(I: Matrix, zones: int) -> bool:
+    """Tell whether a combination of damages is known by little more than that each is between 0 and 95 %."""
+    deviation, v = weakest(I.sum(axis=0), zones)
+    return bool(deviation * np.linalg.norm(v) > UNRESOLVED * PRIOR_DEVIATION)
 
 
 def _samples(noise: float, step: float, stop: float) -> int:

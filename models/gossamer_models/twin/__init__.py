@@ -3,8 +3,8 @@
 from .answer import Answer
 from .forward import Forward, MembraneForward
 from .mesh_error import MeshErrors
-from .nuisances import Loads, Nuisances
-from .reading import make_record, read_table
+from .nuisances import Loads, LoadTable, Nuisances
+from .reading import make_record, read_loads, read_table
 from .record import ResponseRecord, StaticRecord
 from .twin import Twin
 from .watch import DamageOnset, Watch, Window
@@ -13,6 +13,7 @@ __all__ = [
     "Answer",
     "DamageOnset",
     "Forward",
+    "LoadTable",
     "Loads",
     "MembraneForward",
     "MeshErrors",
@@ -23,5 +24,6 @@ __all__ = [
     "Watch",
     "Window",
     "make_record",
+    "read_loads",
     "read_table",
 ]

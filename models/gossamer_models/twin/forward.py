@@ -184,7 +184,10 @@ class MembraneForward:
     def states(self, damage: Matrix, parameters: Mapping[str, Vector], histories: Mapping[str, Matrix]) -> Matrix:
         """Return the strain [1] of the sensors in equilibrium, see ``Forward``."""
         found = self._at_rest(damage, parameters, histories)
-        return np.moveaxis(found.strain.reshape(len(damage), -1, self.sensors), 1, 2)
+        strain = found.strain
+        if self.gauges is not None:
+            strain = self.gauges.strain(np.moveaxis(self.structure.mesh.nodes + found.displacement, 0, 2)).T
+        return np.moveaxis(strain.reshape(len(damage), -1, self.sensors), 1, 2)
 
     def state_slopes(self, damage: Vector, parameters: Mapping[str, float], histories: Mapping[str, Vector]) -> Matrix:
         """Return how the strain in equilibrium changes with damage, see ``Forward``."""

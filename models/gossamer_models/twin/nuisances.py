@@ -53,6 +53,7 @@ WORDS = {
 BEYOND = 5.0  # no nuisance leaves its prior by more deviations
 KNOTS = 0.4  # of the first period, between knots of the spline of an unknown load
 DEGREE = 3
+CLOSED = 1e-6  # of its swing: how far the last value of a load is from the first where a period ends
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,41 @@ class Loads:
 
     start: Mapping[str, float] = field(default_factory=dict)
     histories: Mapping[str, Vector] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoadTable:
+    """Loads and motions of a structure: over time, again and again, or in some states of rest.
+
+    Attributes
+    ----------
+    values : mapping of str to tuple of float, length n
+        By the names of the model's inputs, in its units.
+    time : tuple of float, length n
+        Times [s] from 0; none where these are n states.
+    """
+
+    values: Mapping[str, tuple[float, ...]]
+    time: tuple[float, ...] = ()
+
+    @property
+    def states(self) -> int:
+        """How many states of rest there are."""
+        return 0 if self.time else len(next(iter(self.values.values())))
+
+    @property
+    def length(self) -> float:
+        """Time after which all is repeated [s]: that of the last values if they are the first again, else a step later."""
+        closed = all(abs(load[-1] - load[0]) <= CLOSED * np.ptp(load) for load in self.values.values())
+        return self.time[-1] + (0.0 if closed else float(np.median(np.diff(self.time))))
+
+    def loads(self, samples: int, h: float) -> Loads:
+        """Return the loads at some samples of a step [s], which begin at rest under the first ones; or in all states."""
+        if self.states:
+            return Loads(histories={name: np.array(load) for name, load in self.values.items()})
+        at = h * np.arange(1.0, samples + 1.0)
+        histories = {name: np.interp(at, self.time, load, period=self.length) for name, load in self.values.items()}
+        return Loads({name: load[0] for name, load in self.values.items()}, histories)
 
 
 @dataclass(frozen=True)

@@ -137,8 +137,10 @@ class DamageUnknowns:
         return np.asarray(x[:, : self.zones][:, self.groups])
 
     def histories(self, x: Matrix, samples: int, h: float) -> Matrix:
-        """Simulate the strain [1] of rows of unknowns, shape (m, s, samples)."""
+        """Simulate the strain [1] of rows of unknowns, shape (m, s, samples); in as many states of rest for a step of 0."""
         z = self.z(x)
+        if not h:
+            return self.model.states(self.damage(x), self.nuisances.moved(z), self.nuisances.histories(z, np.zeros(samples)))
         loads = self.nuisances.histories(z, h * np.arange(1.0, samples + 1.0))
         return self.model.strain(self.damage(x), self.nuisances.moved(z), loads, samples, h)
 
@@ -342,7 +344,5 @@ class RecordProblem(DamageUnknowns, LeastSquares):
             self._report(record.samples * record.step, self.simulations)
             self.simulations += len(x)
         if isinstance(record, StaticRecord):
-            z = self.z(x)
-            loads = self.nuisances.histories(z, np.zeros(record.states))
-            return self.model.states(self.damage(x), self.nuisances.moved(z), loads)[:, :, record.state]
+            return self.histories(x, record.states, 0.0)[:, :, record.state]
         return self.histories(x, record.samples + self.nuisances.spare, record.step)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ..arrays import Matrix, Vector
 from ..errors import DataError
 from ..membrane import Structure, square_structure
+from .nuisances import LoadTable
 from .record import ResponseRecord, StaticRecord
 
 KINDS = ("resistance", "strain")
@@ -66,23 +67,48 @@ def read_table(
     structure = square_structure() if structure is None else structure
     count, units = structure.n_sensors, input_units(structure)
     measured = read_columns(path, lambda header, line: _choose(path, header, line, kind, count, units), unreadable="gap")
-    clock = [values for column, values in zip(measured.columns, measured.values, strict=False) if column.what == "time"]
-    values, loads = np.full((count, len(measured.lines)), np.nan), {}
-    for column, row in zip((c for c in measured.columns if c.what != "text"), measured.values, strict=True):
+    values, loads = np.full((count, len(measured.lines)), np.nan), _loads(measured, units)
+    for column, row in zip(measured.columns, measured.values, strict=False):
         if column.what in KINDS:
             if column.what == "strain":
                 measured.check_strain(column, row, measured.lines)
             values[_sensor(column.name)] = row
-        elif column.what == "value":
-            loads[_load(column.name)] = _in_units(measured, column, row, units)
     found = next(column.what for column in measured.columns if column.what in KINDS)
     if measured.texts:
         return _make_static(measured, values, loads, found, noise)
-    (time,) = clock
-    measured.check_once(time)
-    measured.check_clock(time)
+    time = _time(measured)
     settled = begins == "equilibrium" or (begins is None and bool(loads) and not structure.starts_in_plane)
     return make_record(time, values, found, noise, str(path), measured.lines, loads, settled=settled)
+
+
+def read_loads(path: Path, structure: Structure) -> LoadTable:
+    """Read a CSV file with columns of loads, and a column of time, or one of the states of rest that they bring about.
+
+    Parameters
+    ----------
+    path : Path
+        File, with the columns of ``read_table`` but those of sensors.
+    structure : Structure
+        Membrane, which knows its loads.
+
+    Raises
+    ------
+    DataError
+        The file cannot be read, holds no load, or its times or values make no sense; the message names the line.
+    """
+    units = input_units(structure)
+    measured = read_columns(path, lambda header, line: _beside(path, header, line, units, set()), unreadable="gap")
+    loads = {name: tuple(load.tolist()) for name, load in _loads(measured, units).items()}
+    if not loads:
+        msg = f"{path} holds no load. The membrane has {', '.join(units)}; write a column for each that acts."
+        raise DataError(msg)
+    if len(measured.lines) < 2 or len(set(measured.texts)) < len(measured.texts):
+        msg = f"{path} needs two rows or more, and a name of its own for each state."
+        raise DataError(msg)
+    if measured.texts:
+        return LoadTable(values=loads)
+    time = _time(measured)
+    return LoadTable(values=loads, time=tuple((time - time[0]).tolist()))
 
 
 def input_units(structure: Structure) -> dict[str, str]:
@@ -93,7 +119,7 @@ def input_units(structure: Structure) -> dict[str, str]:
 def _choose(
     path: Path, header: list[str], line: int, kind: str | None, count: int, units: Mapping[str, str]
 ) -> list[Column]:
-    """Return the columns of time, of one kind by sensor, of loads, and of the state."""
+    """Return the columns of one kind by sensor, and what stands beside them."""
     indexed = {k: match for k, cell in enumerate(header) if (match := INDEXED.fullmatch(cell))}
     kinds = [each for each in KINDS if kind in (None, each) and any(match[1] == each for match in indexed.values())]
     if len(kinds) != 1:
@@ -101,8 +127,6 @@ def _choose(
         it_has = f"It has both; say which to take with {option('kind')}" if kinds else f"It has {listed(header)}"
         msg = f"{path}, line {line}: the twin needs the columns time and {wanted}. {it_has}."
         raise DataError(msg)
-    states = [k for k, cell in enumerate(header) if cell.strip().lower() == STATE]
-    columns = [] if states else [find_column(path, header, line, Wanted(what="time"))]
     places = {k: match for k, match in indexed.items() if match[1] == kinds[0]}
     sensors = [_sensor(header[k]) for k in places]
     for k, sensor in zip(places, sensors, strict=True):
@@ -111,8 +135,15 @@ def _choose(
             msg = f"{path}, line {line}: column {header[k]!r} {why}. Remove it."
             raise DataError(msg)
     column = Wanted(what=kinds[0])
-    columns += [named_column(path, header, line, column, k, name=match[1] + match[3]) for k, match in places.items()]
-    known = {*indexed, *states, *(c.place for c in columns)}
+    columns = [named_column(path, header, line, column, k, name=match[1] + match[3]) for k, match in places.items()]
+    return columns + _beside(path, header, line, units, {*indexed})
+
+
+def _beside(path: Path, header: list[str], line: int, units: Mapping[str, str], known: set[int]) -> list[Column]:
+    """Return the columns of time, of loads, and last of the state."""
+    states = [k for k, cell in enumerate(header) if cell.strip().lower() == STATE]
+    columns = [] if states else [find_column(path, header, line, Wanted(what="time"))]
+    known = {*known, *states, *(c.place for c in columns)}
     for k, cell in enumerate(header):
         if k not in known and cell.strip() and not cell.strip().lower().startswith(CLOCKS):
             columns.append(_load_column(path, line, cell, k, units))
@@ -135,6 +166,19 @@ def _load_column(path: Path, line: int, cell: str, place: int, units: Mapping[st
         msg = f"{path}, line {line}: {unit!r} of {cell!r} is no unit of {name}. Write {name} [{units[name]}]."
         raise DataError(msg)
     return Column(wanted=Wanted(what="value"), place=place, name=cell, unit=unit)
+
+
+def _loads(measured: Measured, units: Mapping[str, str]) -> dict[str, Vector]:
+    """Return the columns of loads by name."""
+    columns = zip(measured.columns, measured.values, strict=False)
+    return {_load(c.name): _in_units(measured, c, row, units) for c, row in columns if c.what == "value"}
+
+
+def _time(measured: Measured) -> Vector:
+    time = next(row for column, row in zip(measured.columns, measured.values, strict=False) if column.what == "time")
+    measured.check_once(time)
+    measured.check_clock(time)
+    return time
 
 
 def _in_units(measured: Measured, column: Column, row: Vector, units: Mapping[str, str]) -> Vector:

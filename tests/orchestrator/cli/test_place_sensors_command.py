@@ -123,6 +123,24 @@ def test_a_mistake_is_one_sentence(setup, tmp_path, arguments, message):
     assert not (tmp_path / "out").exists()
 
 
+def test_a_table_of_loads_takes_the_place_of_the_pressure(setup, tmp_path):
+    """States of rest under a dead pressure; the target that no number of sensors reaches is said."""
+    setup.write_text(SETUP + '\n[[loads]]\nkind = "pressure"\nname = "wind"\n')
+    states = tmp_path / "states.csv"
+    states.write_text("state,wind [kPa]\nnone,0\nsome,0.5\nmore,1\n")
+    options = ("--setup", setup, "--load", states, "--points", 4, "--noise", 1e-2, "--known", "all")
+    result = call(*options, "--out", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    assert "3 states of rest" in result.output
+    assert "No number of sensors reaches 2 %" in result.output.replace("\n", " ")
+    refused = call(*options[:-1], "gain", "--out", tmp_path / "no")
+    assert refused.exit_code == 1
+    assert "gain cannot be --known; amplitude and damping can." in refused.stderr
+    over = call(*options, "--out", tmp_path / "no", "--load", tmp_path / "none.csv")
+    assert over.exit_code == 1
+    assert not (tmp_path / "no").exists()
+
+
 def test_a_mesh_needs_its_setup(tmp_path):
     result = call("--mesh", tmp_path / "square.inp")
     assert result.exit_code == 1
