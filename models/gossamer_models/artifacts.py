@@ -108,25 +108,25 @@ def read_as(kind: type[Content], what: str, path: Path, schema: str, version: in
     """
     card = read_artifact(path, schema, version)
     try:
-        made: Content = _made(kind, {name: value for name, value in card.items() if name not in PREAMBLE})
+        made: Content = made_from(kind, {name: value for name, value in card.items() if name not in PREAMBLE})
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         msg = f"{path} does not hold a usable {what}: {error}. Identify it again or name another file."
         raise ArtifactError(msg) from error
     return made
 
 
-def _made(kind: Any, value: Any) -> Any:  # noqa: ANN401
-    """Make a value of a type from JSON: of a dataclass, a tuple, a dictionary, a number or a text, or None."""
+def made_from(kind: Any, value: Any) -> Any:  # noqa: ANN401
+    """Make a value of a type from JSON: of a dataclass, a tuple or what stands for one, a dictionary, a number, a text."""
     origin, parts = get_origin(kind), get_args(kind)
-    if origin is types.UnionType:
-        return None if value is None else _made(parts[0], value)
+    if origin is types.UnionType:  # with None, or of a number and a tuple
+        return None if value is None else made_from(parts[-1 if isinstance(value, list) else 0], value)
     if origin is tuple:
-        return tuple(_made(parts[0], each) for each in value)
+        return tuple(made_from(parts[0], each) for each in value)
     if origin is dict:
-        return {str(key): _made(parts[1], each) for key, each in value.items()}
+        return {str(key): made_from(parts[1], each) for key, each in value.items()}
     if is_dataclass(kind):
         hints, make = get_type_hints(kind), cast("Callable[..., Any]", kind)
-        return make(**{name: _made(hints.get(name, str), each) for name, each in value.items()})
+        return make(**{name: made_from(hints.get(name, str), each) for name, each in value.items()})
     return value if origin is not None else kind(value)
 
 

@@ -205,24 +205,21 @@ def identify_files(
     if isinstance(settings, str):
         won = choose(records, rows, budget=budget, progress=advance, **given)
         fit, trials = won.fit, won.trials
-        doubted = (
-            f"Chosen by predicting the later parts of the training stretch: {won.text}.",
-            *preisach_doubts(fit, chosen=True),
-        )
+        chosen = f"Chosen by predicting the later parts of the training stretch: {won.text}."
+        doubted = [chosen, *preisach_doubts(fit, chosen=True)]
         trained = max(float(record.strain[part].max()) for record, part in zip(records, rows, strict=True) if part.any())
         if fit.full_scale > BEYOND * trained:
-            beyond = (
+            doubted.append(
                 f"Strain from {trained:g} to the full scale {fit.full_scale:g} is in no training stretch, and the choice "
                 f"cannot judge it. Name {option('model', 'preisach')}, which extrapolates better, or train on that range."
             )
-            doubted = (*doubted, beyond)
         if won.untried:
             untried = f"{won.untried} of {won.untried + len(trials)} settings"
-            doubted = (*doubted, f"{untried} were not tried in {budget:g} s ({option('budget')}).")
+            doubted.append(f"{untried} were not tried in {budget:g} s ({option('budget')}).")
         stated = _stated(fit)
     elif isinstance(settings, FractionalSettings):
         fit = fit_fractional(records, rows, settings, progress=progress, **given)
-        doubted = fractional_doubts(fit)
+        doubted = list(fractional_doubts(fit))
         stated = {"settings": repr(settings)}
     else:
 
@@ -230,10 +227,10 @@ def identify_files(
             progress(f"{start}, step {iteration}: error {error:.3f} % of range")
 
         fit = fit_preisach(records, rows, settings, watch=watch, **given)
-        doubted = preisach_doubts(fit)
+        doubted = list(preisach_doubts(fit))
         if settings.ridge == "auto":
             chosen = f"The ridge {fit.settings.ridge:g} is a mean of those that best predict the later parts of training."
-            doubted = (chosen, *doubted)
+            doubted.insert(0, chosen)
         stated = _stated(fit)
     errors, recovered = fit.errors, tuple[Recovered, ...]()
     if isinstance(fit, PreisachFit):
@@ -241,12 +238,10 @@ def identify_files(
         recovered = tuple(recover_by_fit(fit, record) for record in fit.records)
         strains = [found.strain for found in recovered]
         errors = stretch_errors(fit.records, fit.predicted, fit.train, fit.rest_resistance, strains)
-        judged = map(judged_rows, fit.train)
-        parts = zip(fit.records, recovered, judged, strict=True)
-        clipped = (clipped_strain(record, found, fit.full_scale, rows) for record, found, rows in parts)
-        doubted = (*doubted, *filter(None, clipped))
+        parts = zip(fit.records, recovered, map(judged_rows, fit.train), strict=True)
+        doubted += filter(None, (clipped_strain(record, found, fit.full_scale, rows) for record, found, rows in parts))
     table = standings(fit.records, fit.train, fit.predicted, [found.strain for found in recovered] or None)
-    doubted = (*doubted, *defeats(table))
+    doubted += defeats(table)
     provenance = {
         "data": ", ".join(record.name for record in records),
         "origin": origin,

@@ -7,7 +7,6 @@ steps. A method that raises leaves the state as it was.
 
 from __future__ import annotations
 
-import difflib
 import logging
 import math
 import struct
@@ -18,9 +17,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .errors import ConvergenceError, InputError, ParameterError, StateError
+from .errors import ConvergenceError, InputError, StateError
 from .step_model import StepModel
-from .variables import Variable
+from .variables import Variable, finite_limits, meant
 
 logger = logging.getLogger(__name__)
 
@@ -67,8 +66,7 @@ class Stepper:
         self._index = {name: i for i, name in enumerate(model.names)}
         self._p, self._u, self._y = model.slices()
         self._limit = None if model.step_limit is None else self._index[model.step_limit]
-        largest = np.finfo(float).max  # so that infinities are out of range, as NaN is
-        self._lower, self._upper = np.clip(np.array([_range(v) for v in model.variables]).T, -largest, largest)
+        self._lower, self._upper = finite_limits(model.variables)
         n_x = model.n_states
         self._values = np.zeros(len(model.variables))
         self._x = np.zeros(n_x)
@@ -98,9 +96,7 @@ class Stepper:
         try:
             return self._index[name]
         except KeyError:
-            close = difflib.get_close_matches(name, self.model.names, n=1)
-            hint = f"Did you mean {close[0]!r}?" if close else f"It has {', '.join(self.model.names[:12])}, ..."
-            msg = f"model {self.model.name!r} has no variable {name!r}. {hint}"
+            msg = f"model {self.model.name!r} has no variable {name!r}. {meant(name, self.model.names)}"
             raise InputError(msg) from None
 
     def set(self, name: str, value: float) -> None:
@@ -159,8 +155,8 @@ class Stepper:
         if self.initialized:
             msg = f"model {self.model.name!r} is initialized already. Reset it first."
             raise StateError(msg)
-        self._check(self._p, ParameterError)
-        self._check(self._u, InputError)
+        self._check(self._p)
+        self._check(self._u)
         self._run_init()
         self._require_finite("initialization")
         self._x[:] = self._x_next
@@ -188,7 +184,7 @@ class Stepper:
             msg = f"the step of model {self.model.name!r} must be a positive time [s], not {h!r}"
             raise InputError(msg)
         if not self._checked:
-            self._check(self._u, InputError)
+            self._check(self._u)
             self._checked = True
         limit = math.inf if self._limit is None else float(self._values[self._limit])
         self._x_work[:] = self._x
@@ -232,10 +228,13 @@ class Stepper:
             msg = f"this saved state of model {self.model.name!r} is damaged: its checksum does not fit"
             raise StateError(msg)
         numbers = np.frombuffer(body, dtype=np.float64, offset=1)
-        self._values[:] = numbers[: self._values.size]
-        self._x[:] = numbers[self._values.size :]
+        self.resume(numbers[: self._values.size], numbers[self._values.size :])
         self.initialized = bool(body[0])
-        self._checked = False
+
+    def resume(self, values: NDArray[np.float64], x: NDArray[np.float64]) -> None:
+        """Go on from values in table order and a state, as if it had stepped there."""
+        self._values[:], self._x[:] = values, x
+        self.initialized, self._checked = True, False
 
     def _convert(self, index: int, value: float) -> float:
         """Return a value to set as a float; raise if it is none or the variable cannot be set now."""
@@ -269,19 +268,14 @@ class Stepper:
             raise InputError(msg)
         return max(math.ceil(ratio), 1)
 
-    def _check(self, part: slice, error: type[ParameterError | InputError]) -> None:
+    def _check(self, part: slice) -> None:
         """Raise if a given value of this part of the table is not finite or out of its range."""
         given = self._values[part]
-        if ((given >= self._lower[part]) & (given <= self._upper[part])).all():
+        within = (given >= self._lower[part]) & (given <= self._upper[part])
+        if within.all():
             return
-        for variable, value in zip(self.model.variables[part], given, strict=True):
-            low, high = _range(variable)
-            if not (math.isfinite(value) and low <= value <= high):
-                msg = (
-                    f"{variable.causality} {variable.name!r} of model {self.model.name!r} is {value:g}{_unit(variable)};"
-                    f" it must be a finite number from {low:g} to {high:g}. Correct it and call again."
-                )
-                raise error(msg)
+        wrong = int(np.argmin(within))
+        self.model.variables[part][wrong].refuse(given[wrong], self.model.name)
 
     def _warn_of_results(self) -> None:
         """Warn of every result that is out of its range for the first time."""
@@ -292,9 +286,9 @@ class Stepper:
         for i in np.flatnonzero(~within):
             lower[i], upper[i] = -math.inf, math.inf
             variable = self.model.variables[self._y.start + i]
-            low, high = _range(variable)
+            low, high = variable.limits
             self.warn(
-                f"{variable.name!r} of model {self.model.name!r} is {self._y_next[i]:g}{_unit(variable)}; "
+                f"{variable.name!r} of model {self.model.name!r} is {self._y_next[i]:g}{variable.after}; "
                 f"the model is valid from {low:g} to {high:g}.{variable.advice and ' '}{variable.advice} "
                 "The run goes on; this is logged once."
             )
@@ -344,15 +338,6 @@ def simulate(
         stepper.step(h)
         table[k] = stepper.get_values(recorded)
     return dict(zip(results, table.T.copy(), strict=True))
-
-
-def _range(variable: Variable) -> tuple[float, float]:
-    low, high = variable.minimum, variable.maximum
-    return -math.inf if low is None else low, math.inf if high is None else high
-
-
-def _unit(variable: Variable) -> str:
-    return "" if variable.unit == "1" else f" {variable.unit}"
 
 
 def _read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -10,14 +10,16 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
+from difflib import get_close_matches
 from functools import partial
 from itertools import accumulate
 from types import SimpleNamespace
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, NoReturn, TypeVar
 
 import casadi as ca
+import numpy as np
 
-from .errors import ParameterError
+from .errors import InputError, ParameterError
 
 Causality = Literal["parameter", "input", "output", "local"]
 Values = SimpleNamespace  # inputs or parameters inside a step
@@ -72,6 +74,38 @@ class Variable:
         if given != (self.start is not None):
             msg = f"variable {self.name!r} ({self.causality}) {'needs' if given else 'cannot have'} a start value"
             raise ParameterError(msg)
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Range, without end where there is none."""
+        return -np.inf if self.minimum is None else self.minimum, np.inf if self.maximum is None else self.maximum
+
+    @property
+    def after(self) -> str:
+        """The unit after a number; nothing for a ratio."""
+        return "" if self.unit == "1" else f" {self.unit}"
+
+    def refuse(self, value: float, model: str, where: str = "", again: str = "call") -> NoReturn:
+        """Raise ``ParameterError`` or ``InputError`` for a value of a model that is out of range or not finite."""
+        low, high = self.limits
+        msg = (
+            f"{self.causality} {self.name!r} of model {model!r} is {value:g}{self.after}{where}; it must be a finite number "
+            f"from {low:g} to {high:g}. Correct it and {again} again."
+        )
+        raise (ParameterError if self.causality == "parameter" else InputError)(msg)
+
+
+def finite_limits(variables: Sequence[Variable]) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Return smallest and largest values, shape (2, n): so that infinities are out of range, as NaN is."""
+    largest = np.finfo(float).max
+    return np.asarray(np.clip(np.array([v.limits for v in variables]).reshape(-1, 2).T, -largest, largest))
+
+
+def meant(name: str, known: Iterable[str]) -> str:
+    """Return a sentence on the name that a wrong one is close to, or on those that are known."""
+    names = list(known)
+    close = get_close_matches(name, names, n=1)
+    return f"Did you mean {close[0]!r}?" if close else f"It has {', '.join(names[:12])}, ..."
 
 
 parameter = partial(Variable, "parameter")

@@ -85,14 +85,9 @@ def test_the_geometric_mean_over_the_cuts_chooses_and_what_cannot_be_fitted_is_l
             raise DataError(msg)
         return {"a": 1.0, "b": 1.1, "c": 9.0}[setting]
 
-    bench = Bench(lambda _share, _text: None)
+    bench = Bench(lambda _share, _text: None, np.inf)
     found = bench.best(
-        "stage",
-        ["broken", "a", "b", "c"],
-        str,
-        [first, lambda s: {"a": 4.0, "b": 1.1, "c": 9.0}[s]],
-        until=np.inf,
-        share=(0, 1),
+        "stage", ["broken", "a", "b", "c"], str, [first, lambda s: {"a": 4.0, "b": 1.1, "c": 9.0}[s]], share=(0, 1)
     )
     assert found == [(pytest.approx(1.1), "b"), (pytest.approx(2.0), "a"), (pytest.approx(9.0), "c")]
     assert np.isnan(next(t for t in bench.trials if t.what == "broken").error)

@@ -31,7 +31,8 @@ class SingleElement:
         x, load = ca.SX.sym("x", 3, m), ca.SX.sym("load")
         D = E / (1.0 - NU**2)
         element = geometry(np.column_stack([X, np.zeros(m)])[None], order, "st_venant_kirchhoff", np.eye(3)[:1]).placed()
-        at = element_points(tangents(ca.vertsplit(ca.vec(x.T), m), element), element, ca.DM(element.w), D, NU, load)
+        shared = {"D": D, "nu": NU, "pressure": load}
+        at = element_points(tangents(ca.vertsplit(ca.vec(x.T), m), element), element, ca.DM(element.w), shared)
         f, wave = balance(at.P, at.load, element), D * at.wave
         energy = textbook.element_energy(x, X, E, NU)
         definition = textbook.element_force(x, X, E, NU, load)

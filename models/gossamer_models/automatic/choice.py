@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any
+from typing import Unpack
 
 import numpy as np
 from gossamer_files.options import option
@@ -25,6 +25,7 @@ from ..fitting.records import Record, strain_range
 from ..replay import Recovered, recover_by_fit
 from ..sensor.artifact import ErrorModel, Tracking
 from ..sensor.fit import PreisachFit, PreisachSettings, fit_preisach
+from ..sensor.fit.settings import Given
 from .sensors import choose_inverse, choose_sensors, nothing_fitted, sensor_name
 from .trials import FITTED, Bench, Trial, cut, error_on, shortened
 
@@ -149,34 +150,10 @@ class Method:
         trust = "more" if self.tail > TAIL else "less"
         return f"filter of {sensor}, {direct} direct inverse, trusting its models {trust}"
 
-
-@dataclass(frozen=True, kw_only=True)
-class Tried:
-    """A sensor that was fitted to an earlier part of the training stretch.
-
-    Attributes
-    ----------
-    fit : PreisachFit
-        The sensor, with a direct inverse.
-    late : tuple of ndarray of bool
-        Samples to judge by.
-    base : Tracking
-        Numbers of its filter before a method changes them.
-    """
-
-    fit: PreisachFit
-    late: tuple[Rows, ...]
-    base: Tracking
-
-    def numbers(self, method: Method) -> Tracking:
-        """Return the numbers of the filter with a method."""
-        inverse = self.base.inverse if method.direct else None
-        return replace(self.base, inverse=inverse, tail=method.tail, wander=self.base.wander * method.wander)
-
-    def run(self, method: Method) -> tuple[Recovered, ...]:
-        """Return the strain that a method recovers from every record."""
-        ready = equipped(self.fit, method, self.numbers(method))
-        return tuple(recover_by_fit(ready, record, fill=False) for record in self.fit.records)
+    def numbers(self, base: Tracking) -> Tracking:
+        """Return the numbers of the filter from those of a sensor."""
+        inverse = base.inverse if self.direct else None
+        return replace(base, inverse=inverse, tail=self.tail, wander=base.wander * self.wander)
 
 
 def choose_compensator(
@@ -184,10 +161,7 @@ def choose_compensator(
     train: tuple[Rows, ...],
     sensors: Iterable[PreisachSettings],
     bench: Bench,
-    *,
-    until: float,
-    full_scale: float,
-    rest_resistance: float | None,
+    **given: Unpack[Given],
 ) -> tuple[Method, Tracking]:
     """Return the compensator whose strain is best, and numbers for the filter with the same sensor.
 
@@ -197,7 +171,7 @@ def choose_compensator(
         Training stretches in full, as the filter works sample by sample.
     sensors : iterable of PreisachSettings
         Sensors to compensate, the best first, with the settings of their direct inverse.
-    bench, until, full_scale, rest_resistance
+    bench, **given
         See ``choose_sensors``.
 
     Raises
@@ -208,14 +182,16 @@ def choose_compensator(
     sensors = tuple(replace(settings, direct_inverse=True) for settings in sensors)
 
     @cache
-    def tried(share: float, settings: PreisachSettings) -> Tried:
+    def tried(share: float, settings: PreisachSettings) -> tuple[PreisachFit, Tracking]:
         early, late = cut(train, share)
-        fit = fit_preisach(records, early, settings, full_scale=full_scale, rest_resistance=rest_resistance)
-        return Tried(fit=fit, late=late, base=_numbers(fit, train, late))
+        fit = fit_preisach(records, early, settings, **given)
+        return fit, _numbers(fit, train, late)
 
     @cache
     def run(share: float, method: Method) -> tuple[Recovered, ...]:
-        return tried(share, method.sensor).run(method)
+        fit, base = tried(share, method.sensor)
+        ready = equipped(fit, method, method.numbers(base))
+        return tuple(recover_by_fit(ready, record, fill=False) for record in records)
 
     def judge(method: Method) -> float:
         """Return the geometric mean over the cuts: whoever is judged is judged by all, also when time is short."""
@@ -234,21 +210,21 @@ def choose_compensator(
     # the direct inverse takes a fraction of a second, and is often better than the only filter that there was time for
     first = [methods[0], direct]
     order = first + [method for method in methods if method not in first]
-    found = bench.best("compensator", order, lambda m: m.text, [judge], until=until, share=(0.7, 0.95), surely=len(first))
+    found = bench.best("compensator", order, lambda m: m.text, [judge], share=(0.7, 0.95), surely=len(first))
     if not found:
         raise nothing_fitted()
     close = [method for error, method in found if error <= NEAR * found[0][0]]
     best = min(close, key=methods.index)
     # if another method has won, this filter serves whoever builds the FMU filter
     kept = best if best.name == "filter" else Method(sensor=best.sensor, name="filter", direct=best.direct)
-    numbers = tried(FITTED[-1], best.sensor).numbers(kept)
+    numbers = kept.numbers(tried(FITTED[-1], best.sensor)[1])
     # what every cut predicts counts alike: one cut may end before what makes the errors large
     ahead = [
         ((found.strain - record.strain)[rows], np.asarray(found.deviation)[rows])
         for share in FITTED
-        for record, found, rows in zip(records, run(share, kept), tried(share, best.sensor).late, strict=True)
+        for record, found, rows in zip(records, run(share, kept), cut(train, share)[1], strict=True)
     ]
-    errors, stated = (np.concatenate(each) / full_scale for each in zip(*ahead, strict=True))
+    errors, stated = (np.concatenate(each) / given["full_scale"] for each in zip(*ahead, strict=True))
     there = np.isfinite(errors)  # the last ones are not delivered before the trial ends
     if not there.any():
         raise too_short()
@@ -348,15 +324,17 @@ def choose(
     begin = time.monotonic()
     ends = [begin + share * budget for share in SHARES]
     full_scale = strain_range(records, full_scale)
-    given: dict[str, Any] = {"full_scale": full_scale, "rest_resistance": rest_resistance}
+    given = Given(full_scale=full_scale, rest_resistance=rest_resistance)
     used = [k for k, rows in enumerate(train) if rows.any()]
     whole, rows = _until_the_end_of_training([records[k] for k in used], [train[k] for k in used])
     short, short_rows = shortened(whole, rows)
-    bench = Bench(progress)
-    sensors = choose_sensors(short, short_rows, bench, until=ends[0], **given)
-    inverse = choose_inverse(short, short_rows, bench, until=ends[1], full_scale=full_scale)
+    bench = Bench(progress, ends[0])
+    sensors = choose_sensors(short, short_rows, bench, **given)
+    bench.until = ends[1]
+    inverse = choose_inverse(short, short_rows, bench, full_scale)
+    bench.until = ends[2]
     sensors = [replace(settings, inverse=inverse) for settings in sensors]
-    method, tracking = choose_compensator(whole, rows, sensors, bench, until=ends[2], **given)
+    method, tracking = choose_compensator(whole, rows, sensors, bench, **given)
     progress(0.95, "fitting the winner to the whole training stretch")
     fit = fit_preisach(records, train, method.sensor, **given)
     return Chosen(fit=equipped(fit, method, tracking), method=method, trials=tuple(bench.trials), untried=bench.untried)

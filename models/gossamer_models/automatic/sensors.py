@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from itertools import product
-from typing import Any
+from typing import Unpack
 
 import numpy as np
 from gossamer_files.options import option
@@ -19,7 +19,7 @@ from ..sensor.drives import EXTENSIONS
 from ..sensor.fit import PreisachSettings, fit_preisach
 from ..sensor.fit.preisach import inverse_settings, residual_steps, turn
 from ..sensor.fit.regression import prepare
-from ..sensor.fit.settings import InverseSettings
+from ..sensor.fit.settings import Given, InverseSettings
 from .trials import FITTED, Bench, cut, error_on
 
 FIRST_RIDGE, RIDGES = 3e-3, (3e-2, 1e-3, 3e-4, 5e-5)
@@ -37,13 +37,7 @@ def nothing_fitted() -> DataError:
 
 
 def choose_sensors(
-    records: tuple[Record, ...],
-    train: tuple[Rows, ...],
-    bench: Bench,
-    *,
-    until: float,
-    full_scale: float,
-    rest_resistance: float | None,
+    records: tuple[Record, ...], train: tuple[Rows, ...], bench: Bench, **given: Unpack[Given]
 ) -> list[PreisachSettings]:
     """Return the settings of the sensor that predict best, and the best ones with another extension.
 
@@ -53,17 +47,14 @@ def choose_sensors(
         Training stretches, see ``split.shortened``.
     bench : Bench
         Where settings are tried.
-    until : float
-        Time of ``time.monotonic`` after which no further setting is tried.
-    full_scale, rest_resistance
-        See ``fit_preisach``.
+    **given
+        See ``Given``.
 
     Raises
     ------
     DataError
         Nothing could be fitted.
     """
-    given: dict[str, Any] = {"full_scale": full_scale, "rest_resistance": rest_resistance}
 
     def judge(share: float, settings: PreisachSettings) -> float:
         early, late = cut(train, share)
@@ -71,7 +62,7 @@ def choose_sensors(
         return error_on(fit.predicted, (r.resistance for r in records), late)
 
     judges = [partial(judge, share) for share in FITTED]
-    ask = partial(bench.best, "sensor", name=sensor_name, judges=judges, until=until)
+    ask = partial(bench.best, "sensor", name=sensor_name, judges=judges)
     kinds = product(reversed(EXTENSIONS), (True, False))
     found = ask([_hats(extension, earlier, FIRST_RIDGE) for extension, earlier in kinds], share=(0.0, 0.2))
     if not found:
@@ -81,15 +72,13 @@ def choose_sensors(
     corrected: list[PreisachSettings] = []
     for sensor in _of_different_kinds(found):
         bench.progress(0.4, f"steps of a residual network of {sensor_name(sensor)}")
-        if time.monotonic() < until or not corrected:
+        if time.monotonic() < bench.until or not corrected:
             corrected.append(replace(sensor, residual=residual_steps(records, train, sensor, **given)))
     found += ask([sensor for sensor in corrected if sensor.residual], share=(0.4, 0.4))
     return _of_different_kinds(found)
 
 
-def choose_inverse(
-    records: tuple[Record, ...], train: tuple[Rows, ...], bench: Bench, *, until: float, full_scale: float
-) -> InverseSettings:
+def choose_inverse(records: tuple[Record, ...], train: tuple[Rows, ...], bench: Bench, full_scale: float) -> InverseSettings:
     """Return the settings of a direct inverse that gives the best strain; see ``choose_sensors``.
 
     Notes
@@ -108,7 +97,7 @@ def choose_inverse(
         return error_on(strains, (r.strain for r in records), late)
 
     ask: Callable[..., list[tuple[float, InverseSettings]]] = partial(
-        bench.best, "direct inverse", name=inverse_name, judges=[partial(judge, share) for share in FITTED], until=until
+        bench.best, "direct inverse", name=inverse_name, judges=[partial(judge, share) for share in FITTED]
     )
     # where time is short only the first is tried: without earlier relaxation, the safer one on the measured records
     kinds = product(("reversing", "falling"), (False, True), INVERSE_RIDGES)

@@ -74,6 +74,8 @@ class Bench:
     ----------
     progress : callable
         Called with the share of the work that is done [1] and a sentence.
+    until : float
+        Time of ``time.monotonic`` after which no further setting is tried.
     trials : list of Trial
         What was tried so far.
     untried : int
@@ -81,6 +83,7 @@ class Bench:
     """
 
     progress: Callable[[float, str], None]
+    until: float
     trials: list[Trial] = field(default_factory=list)
     untried: int = 0
 
@@ -91,7 +94,6 @@ class Bench:
         name: Callable[[Setting], str],
         judges: Sequence[Callable[[Setting], float]],
         *,
-        until: float,
         share: tuple[float, float],
         surely: int = 1,
     ) -> list[tuple[float, Setting]]:
@@ -104,8 +106,6 @@ class Bench:
         name, judges : callable
             Name of a setting, and its errors [% of range] by one or more cuts of the training stretch. All settings face
             the first judge, the ``SEEDED`` best ones the others too; the geometric mean counts, so that no cut rules.
-        until : float
-            Time of ``time.monotonic`` after which no further setting is tried.
         share : tuple of float
             Progress [1] before and after.
         surely : int
@@ -123,7 +123,7 @@ class Bench:
             spent[number] += time.monotonic() - begin
 
         for number, setting in enumerate(waiting):
-            if number >= surely and time.monotonic() > until and any(np.isfinite(log[0]) for log in logs.values()):
+            if number >= surely and time.monotonic() > self.until and any(np.isfinite(log[0]) for log in logs.values()):
                 self.untried += len(waiting) - number
                 break
             self.progress(share[0] + (share[1] - share[0]) * number / len(waiting), f"{stage}: {name(setting)}")
@@ -131,7 +131,7 @@ class Bench:
         ranked = sorted((n for n, log in logs.items() if np.isfinite(log[0])), key=lambda n: logs[n][0])
         for judge in judges[1:]:
             for place, number in enumerate(ranked[:SEEDED]):
-                if place and time.monotonic() > until and any(len(log) == len(judges) for log in logs.values()):
+                if place and time.monotonic() > self.until and any(len(log) == len(judges) for log in logs.values()):
                     break
                 ask(number, judge)
         full = [n for n in ranked if len(logs[n]) == len(judges) and np.isfinite(logs[n]).all()]

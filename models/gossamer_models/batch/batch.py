@@ -9,15 +9,13 @@ from __future__ import annotations
 import hashlib
 import logging
 import math
-import struct
-import zlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Matrix, Vector
+from ..arrays import Matrix
 from ..compiler import PACKAGE, has_compiler
 from ..errors import GossamerError, InputError, ParameterError, StateError
 from ..step_model import StepModel
@@ -259,7 +257,7 @@ class OneByOne:
         if not task.starts:
             values = np.zeros(len(self._model.variables))
             values[p], values[u], values[self._rows] = task.p[case], task.u[case], task.y[case]
-            stepper.state = _saved(stepper, values, task.x[case])
+            stepper.resume(values, task.x[case])
             return bool(np.isfinite(values).all() and np.isfinite(task.x[case]).all())
         stepper.set_values(range(u.stop), [*task.p[case].tolist(), *task.u[case].tolist()])
         try:
@@ -267,10 +265,3 @@ class OneByOne:
         except GossamerError:
             return False
         return True
-
-
-def _saved(stepper: Stepper, values: Vector, x: Vector) -> bytes:
-    """Write the state of a running stepper as ``Stepper.state`` does."""
-    head = stepper.state[: -(1 + 8 * (values.size + x.size)) - 4]
-    body = bytes([True]) + values.tobytes() + x.tobytes()
-    return head + struct.pack("<I", zlib.crc32(body)) + body

@@ -6,7 +6,6 @@ results and, last, the step limit where it is a result.
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias
@@ -15,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Matrix
-from ..errors import GossamerError, InputError, ParameterError, StateError
-from ..variables import Variable
+from ..errors import InputError, StateError
+from ..variables import Variable, finite_limits, meant
 
 Cube: TypeAlias = NDArray[np.float64]
 Flags: TypeAlias = NDArray[np.bool_]
@@ -99,9 +98,7 @@ class CaseTable:
         """Return where a variable, or the elements of an array, stand; raise ``InputError`` if there is none."""
         if name in self._places:
             return self._places[name]
-        close = difflib.get_close_matches(name, self._places, n=1)
-        hint = f"Did you mean {close[0]!r}?" if close else f"It has {', '.join(list(self._places)[:12])}, ..."
-        msg = f"model {self.model!r} has no parameter or input {name!r}. {hint}"
+        msg = f"model {self.model!r} has no parameter or input {name!r}. {meant(name, self._places)}"
         raise InputError(msg)
 
     def start(self, given: Mapping[str, ArrayLike], cases: int, before: Matrix | None) -> Matrix:
@@ -140,7 +137,11 @@ class CaseTable:
                 msg = f"{name!r} of model {self.model!r} has shape {array.shape}; it must fit {shape}, one row per case"
                 raise InputError(msg)
             values[:, places] = np.broadcast_to(array, shape).reshape(cases, -1)
-        self._check(values)
+        low, high = finite_limits(self.variables)
+        wrong = np.argwhere(~((values >= low) & (values <= high)).T)
+        if wrong.size:
+            i, case = wrong[0]
+            self._refuse(self.variables[i], values[case, i], f"case {case}")
         return values
 
     def records(self, given: Mapping[str, ArrayLike], names: Sequence[str], steps: int, cases: int) -> list[Matrix]:
@@ -163,29 +164,16 @@ class CaseTable:
             msg = f"input {name!r} of model {self.model!r} has shape {np.shape(given)}; it must be {fit}, case by case"
             raise InputError(msg)
         variable = self.variables[self.places(name)[0]]
-        wrong = np.argwhere(_outside(array, variable))
+        low, high = finite_limits([variable])
+        wrong = np.argwhere(~((array >= low) & (array <= high)))
         if wrong.size:
             case, step = wrong[0]
             who = f"all cases, step {step}" if array.shape[0] == 1 and cases > 1 else f"case {case}, step {step}"
             self._refuse(variable, array[case, step], who)
         return array
 
-    def _check(self, values: Matrix) -> None:
-        for column, variable in zip(values.T, self.variables, strict=True):
-            wrong = np.flatnonzero(_outside(column, variable))
-            if wrong.size:
-                self._refuse(variable, column[wrong[0]], f"case {wrong[0]}")
-
     def _refuse(self, variable: Variable, value: float, who: str) -> None:
-        low = -np.inf if variable.minimum is None else variable.minimum
-        high = np.inf if variable.maximum is None else variable.maximum
-        unit = "" if variable.unit == "1" else f" {variable.unit}"
-        msg = (
-            f"{variable.causality} {variable.name!r} of model {self.model!r} is {value:g}{unit} in {who} (the first is 0); "
-            f"it must be a finite number from {low:g} to {high:g}. Correct it and run again."
-        )
-        error: type[GossamerError] = ParameterError if variable.causality == "parameter" else InputError
-        raise error(msg)
+        variable.refuse(value, self.model, f" in {who} (the first is 0)", "run")
 
 
 def count_cases(
@@ -217,10 +205,3 @@ def _numbers(name: str, value: ArrayLike) -> Cube:
     except (TypeError, ValueError):
         msg = f"{name!r} needs numbers, not {value!r}"
         raise InputError(msg) from None
-
-
-def _outside(values: Cube, variable: Variable) -> Flags:
-    largest = np.finfo(float).max  # so that infinities are out of range, as NaN is
-    low = -largest if variable.minimum is None else variable.minimum
-    high = largest if variable.maximum is None else variable.maximum
-    return np.asarray(~((values >= low) & (values <= high)))

@@ -84,33 +84,27 @@ class Kernel:
     Parameters
     ----------
     file : Path
-        The library, compiled for this machine's processor.
+        The library.
+    compiled_for : str or None
+        Processor, see ``processor``; None for this machine's.
     """
 
-    def __init__(self, file: Path) -> None:
-        self._file = file
-        self._processor = processor()
-        self._open()
-
-    def _open(self) -> None:
-        if self._processor != processor() or not is_whole(self._file):
+    def __init__(self, file: Path, compiled_for: str | None = None) -> None:
+        self._file, self._processor = file, compiled_for or processor()
+        if self._processor != processor() or not is_whole(file):
             msg = (
-                f"the compiled kernel {self._file} is not on this machine, is damaged, or is for another processor. "
+                f"the compiled kernel {file} is not on this machine, is damaged, or is for another processor. "
                 "Make the Batch on this machine."
             )
             raise StateError(msg)
-        library = ctypes.CDLL(str(self._file))
+        library = ctypes.CDLL(str(file))
         self._run_blocks, memory_size = library.run_blocks, library.memory_size
         self._run_blocks.argtypes = (ctypes.POINTER(_Run), ctypes.c_char_p, ctypes.c_int64, ctypes.c_int64)
         self._run_blocks.restype, memory_size.restype = None, ctypes.c_int64
         self._memory_size = memory_size()
 
-    def __getstate__(self) -> tuple[Path, str]:
-        return self._file, self._processor
-
-    def __setstate__(self, state: tuple[Path, str]) -> None:
-        self._file, self._processor = state
-        self._open()
+    def __reduce__(self) -> tuple[type[Kernel], tuple[Path, str]]:
+        return Kernel, (self._file, self._processor)
 
     def run(self, task: Task, workers: int) -> None:
         """Fill the arrays of a run, blocks of eight cases in parallel threads; an interrupt waits for one block each."""

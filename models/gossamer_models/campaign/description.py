@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..membrane import Setup, Structure, make_structure, read_mesh, read_structure, square_structure, surface_mesh
-from ..membrane.refinement import refined
+from ..membrane.surface import refined
 from ..mistakes import DescriptionError, Mistake, disordered, raise_any
 from ..variables import Variable
 

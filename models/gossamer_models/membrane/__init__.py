@@ -2,7 +2,7 @@
 
 from .assembly import MembraneEquations
 from .law import LAWS
-from .model import membrane_model
+from .model import first_period, membrane_model
 from .portable import read_structure
 from .reading import MeshFile, read_mesh
 from .setup import Edge, Gas, Load, Region, Sensor, Setup, Support
@@ -10,7 +10,6 @@ from .square import MembraneParams, square_structure
 from .statics import Equilibria, Equilibrium, EquilibriumDerivatives
 from .structure import Structure, make_structure
 from .surface import SurfaceMesh, surface_mesh
-from .vibration import first_period
 from .zones import Zone
 
 __all__ = [

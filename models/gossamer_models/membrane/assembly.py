@@ -89,7 +89,7 @@ class MembraneEquations:
         self.column = ca.MX.sym("t", self._numbers.size) if compiled else None
         self.arrays = _named(arrays, self.column)
         self._table = {v.name for v in structure.table}
-        blocks = range(len(structure.elements) if compiled else 0)
+        blocks = range(len(structure.elements) if compiled or mapped else 0)
         compressed = "compressed_share" in self._table
         own = structure, self._rank
         self._force_loops = [force_loop(*own, i, self.shared_names, compressed=compressed) for i in blocks]
@@ -336,8 +336,7 @@ class MembraneEquations:
 
     def _mapped(self, i: int, x: ca.MX, shared: Shared) -> Forces:
         """Write the forces as a map of one element's function, whose C is small and in lanes fast without expansion."""
-        compressed = "compressed_share" in self._table
-        loop = force_loop(self.structure, self._rank, i, self.shared_names, compressed=compressed)
+        loop = self._force_loops[i]
         places = _places(loop.nodes).reshape(-1)
         elements = ca.reshape(x[places.tolist()], -1, len(loop.nodes))
         each = loop.function.map(len(loop.nodes))

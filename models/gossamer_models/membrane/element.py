@@ -16,7 +16,7 @@ elements of a mesh at once (MX). CasADi leaves out multiplications by one and ze
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from typing import Any, TypeAlias
@@ -66,26 +66,6 @@ class Element:
     J: Any
     J_inverse: Matrix
     stress: Stress
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Extras:
-    """What only some membranes have; each may be missing.
-
-    Attributes
-    ----------
-    eigenstrain : ndarray of entries, shape (2, 2), optional
-        Twice the strain [1] that the stress is of beside the geometric one: of a prestress, or minus that of heat.
-    light : sequence of entries, length 3, optional
-        Direction in which light travels [1].
-    absorbed, mirrored : entries
-        Pressure of light over thickness [Pa/length]: of the share that is absorbed, and of the share that is mirrored.
-    """
-
-    eigenstrain: Matrix | None = None
-    light: Sequence[Entry] | None = None
-    absorbed: Entry = 0.0
-    mirrored: Entry = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,9 +142,7 @@ def tangents(x: Sequence[Entry], element: Element) -> Matrix:
     return matrix([[apply(operator, column) for operator in (element.D_s, element.D_t)] for column in x])
 
 
-def element_points(
-    tangents: Matrix, element: Element, w: Entry, D: Entry, nu: Entry, pressure: Entry, extras: Extras = Extras()
-) -> Points:
+def element_points(tangents: Matrix, element: Element, w: Entry, shared: Mapping[str, Entry]) -> Points:
     r"""Write what the points of elements give: their share of the forces, and what limits step and validity.
 
     Parameters
@@ -173,11 +151,13 @@ def element_points(
         :math:`x_{,s}` and :math:`x_{,t}` at the points.
     element : Element
         Shape functions, quadrature, reference map and law.
-    w, D, nu, pressure : entries
-        Weights [1], E/(1 - nu^2) [Pa], Poisson's ratio [1] and pressure over thickness [Pa/length], each a number or one
-        of every point.
-    extras : Extras
-        Eigenstrain and light.
+    w : entry
+        Weights [1].
+    shared : mapping of str to entry
+        Each a number or one of every point: ``D``, E/(1 - nu^2) [Pa]; ``nu``; ``pressure`` over thickness [Pa/length]. Of
+        some membranes twice the strain [1] that the stress is of beside the geometric one, ``along``, ``across`` and
+        ``shear``: of a prestress, or minus that of heat. And light: its direction [1] ``light_x``, ``light_y``, ``light_z``,
+        its pressures over thickness [Pa/length], ``absorbed`` and ``mirrored``.
 
     Notes
     -----
@@ -197,21 +177,24 @@ def element_points(
     .. [2] K. Schweizerhof, E. Ramm, Computers & Structures 18(6), 1099-1114, 1984, doi:10.1016/0045-7949(84)90154-8.
     .. [3] C. R. McInnes, Solar Sailing, Springer, 1999, doi:10.1007/978-1-4471-3992-8.
     """
-    F = tangents @ element.J_inverse
+    nu, F = shared["nu"], tangents @ element.J_inverse
     e = F.T @ F - np.eye(2)
-    stressed = e if extras.eigenstrain is None else e + extras.eigenstrain
-    P = F @ element.stress(stressed, w * element.J * D, nu) @ element.J_inverse.T
+    stressed = e
+    if "along" in shared:
+        stressed = e + matrix([[shared["along"], shared["shear"]], [shared["shear"], shared["across"]]])
+    P = F @ element.stress(stressed, w * element.J * shared["D"], nu) @ element.J_inverse.T
     normal = np.cross(tangents[:, 0], tangents[:, 1])
-    load = [w * pressure * component for component in normal]
-    if extras.light is not None and extras.absorbed is not None and extras.mirrored is not None:
-        across = sum(u * component for u, component in zip(extras.light, normal, strict=True))
+    load = [w * shared["pressure"] * component for component in normal]
+    if "absorbed" in shared:
+        light = [shared[f"light_{axis}"] for axis in "xyz"]
+        across = sum(u * component for u, component in zip(light, normal, strict=True))
         area = ca.fabs(across) * w
-        along = 2.0 * extras.mirrored * across / sum(component**2 for component in normal)
-        pairs = zip(extras.light, normal, strict=True)
-        load = [f + area * (extras.absorbed * u + along * c) for f, (u, c) in zip(load, pairs, strict=True)]
+        along = 2.0 * shared["mirrored"] * across / sum(component**2 for component in normal)
+        pairs = zip(light, normal, strict=True)
+        load = [f + area * (shared["absorbed"] * u + along * c) for f, (u, c) in zip(load, pairs, strict=True)]
     trace, spread = principal(e)
     strain = (trace + spread) / 2.0
-    if extras.eigenstrain is None:
+    if stressed is e:
         wave = 1.0 + (3.0 + nu) / 4.0 * trace + (3.0 - nu) / 4.0 * spread
     else:
         trace, spread = principal(stressed)

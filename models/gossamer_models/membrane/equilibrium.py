@@ -94,6 +94,20 @@ def relax(
     return ca.if_else(left <= 1.0, q, float("nan")), left
 
 
+def relaxed(equations: MembraneEquations, u: Values, p: Values) -> tuple[ca.MX, ca.MX]:
+    """Write the equilibrium that ``relax`` finds from where the equations have their rest; as ``in_plane``."""
+    by_symbol, given = _symbols(equations, u, p)
+    t = equations.arrays
+    return relax(lambda q: balance(equations, q, by_symbol, by_symbol), t["rest"], t["stiffness"], given)
+
+
+def _symbols(equations: MembraneEquations, u: Values, p: Values) -> tuple[Values, list[tuple[ca.MX, ca.MX]]]:
+    """Return symbols for inputs and parameters by name; and each, and the table of compiled code, with its value."""
+    given = [(ca.MX.sym(name, value.numel()), value) for name, value in [*vars(u).items(), *vars(p).items()]]
+    by_symbol = Values(**{symbol.name(): symbol for symbol, _ in given})
+    return by_symbol, given if equations.column is None else [*given, (equations.column, equations.column)]
+
+
 def in_plane(equations: MembraneEquations, u: Values, p: Values) -> tuple[ca.MX, ca.MX]:
     r"""Write the equilibrium of a plane membrane of equal squares without loads, Section 7.2 of the thesis.
 
@@ -116,22 +130,18 @@ def in_plane(equations: MembraneEquations, u: Values, p: Values) -> tuple[ca.MX,
     """
     n = equations.n_q
     plane = [3 * k + axis for k in range(n // 3) for axis in (0, 1)]
-    given = [(name, ca.MX(value)) for name, value in [*vars(u).items(), *vars(p).items()]]
-    symbols = [ca.MX.sym(name, value.numel()) for name, value in given]
-    names = dict(zip((name for name, _ in given), symbols, strict=True))
-    by_symbol_u, by_symbol_p = (Values(**{name: names[name] for name in vars(part)}) for part in (u, p))
-    table = [] if equations.column is None else [equations.column]
+    by_symbol, given = _symbols(equations, u, p)
     q = ca.MX.sym("q", n)
-    shared = equations.shared(by_symbol_u, by_symbol_p, ca.MX(0.0), ca.MX(0.0)) | {"pressure": ca.MX(0.0)}
-    x = equations.positions(q, by_symbol_u, by_symbol_p)
-    f = equations.forces(x, shared, by_symbol_p).f[:n]
+    shared = equations.shared(by_symbol, by_symbol, ca.MX(0.0), ca.MX(0.0)) | {"pressure": ca.MX(0.0)}
+    x = equations.positions(q, by_symbol, by_symbol)
+    f = equations.forces(x, shared, by_symbol).f[:n]
     q_next = q + 0.0
-    q_next[plane] += ca.solve(tangent(equations, x, shared, by_symbol_p, axes=2), f[plane], "ldl")
-    newton = ca.Function("newton", [q, *table, *symbols], [q_next])
+    q_next[plane] += ca.solve(tangent(equations, x, shared, by_symbol, axes=2), f[plane], "ldl")
+    newton = ca.Function("newton", [q, *(symbol for symbol, _ in given)], [q_next])
 
     q = ca.MX.zeros(n)
     for _ in range(NEWTON_STEPS):
-        q = newton(q, *table, *(value for _, value in given))
+        q = newton(q, *(value for _, value in given))
     shared = equations.shared(u, p, ca.MX(0.0), ca.MX(0.0)) | {"pressure": ca.MX(0.0)}
     found = equations.forces(equations.positions(q, u, p), shared, p)
     size = equations.structure.elements[0].geometry.side * equations.size(p)

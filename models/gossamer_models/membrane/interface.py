@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -67,9 +68,13 @@ def _inputs(setup: Setup, zone_names: tuple[str, ...]) -> list[Variable]:
         if support.motion:
             text = f"Share of the way that the support {support.group} is moved"
             rows.append(input_(support.motion, "1", text, 1.0, -1e3, 1e3))
-    for k, name in enumerate(zone_names):
-        rows.append(input_(f"damage[{k + 1}]", "1", f"Lost fraction of Young's modulus in {name}", 0.0, 0.0, 0.95))
-    return rows
+    return [*rows, *damage_rows(zone_names)]
+
+
+def damage_rows(zone_names: Sequence[str]) -> list[Variable]:
+    """Make the rows of the damages."""
+    text = "Lost fraction of Young's modulus in"
+    return [input_(f"damage[{k}]", "1", f"{text} {name}", 0.0, 0.0, 0.95) for k, name in enumerate(zone_names, 1)]
 
 
 def _outputs(setup: Setup) -> list[Variable]:

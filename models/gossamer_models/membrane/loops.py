@@ -5,7 +5,7 @@ Symbols: those of ``element`` and ``assembly``; ``T`` tangents of the stretched 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 from typing import Any, TypeAlias
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Vector
 from ..element_loop import LANES, ElementLoop
-from .element import Element, Extras, apply, balance, by_axis, dense, element_points, tangents
+from .element import Element, apply, balance, by_axis, dense, element_points, tangents
 from .geometry import stiffest
 from .law import Entry, matrix
 from .setup import Setup
@@ -27,19 +27,10 @@ Columns: TypeAlias = list[Entry]  # along x, y and z
 
 
 def at_points(
-    setup: Setup, T: NDArray[np.object_], element: Element, w: Entry, shared: Mapping[str, Entry], limit: Entry, tilt: Entry
+    setup: Setup, T: NDArray[np.object_], element: Element, w: Entry, shared: dict[str, Entry], limit: Entry, tilt: Entry
 ) -> tuple[Any, list[Entry], Entry, Entry, Entry]:
     """Return what points add: stress, load, bound of the squared frequency [1/s2], twice the strain, area compressed."""
-    extras: dict[str, Any] = {}
-    if "along" in shared:
-        shear = shared["shear"]
-        extras["eigenstrain"] = matrix([[shared["along"], shear], [shear, shared["across"]]])
-    if "absorbed" in shared:
-        light = [shared[f"light_{axis}"] for axis in "xyz"]
-        extras |= {"light": light, "absorbed": shared["absorbed"], "mirrored": shared["mirrored"]}
-    at = element_points(
-        T, element, w, shared["D"], shared.get("nu", setup.regions[0].poisson_ratio), shared["pressure"], Extras(**extras)
-    )
+    at = element_points(T, element, w, {"nu": setup.regions[0].poisson_ratio} | shared)
     k = setup.inplane_mass
     lighter = tilt + (1.0 - tilt) / k  # one over the factor on the inertia that stress along the surface moves
     wave = at.wave if k == 1.0 else ca.fmax(at.wave * lighter, at.wave - 1.0 - at.strain)

@@ -2,42 +2,48 @@ r"""A membrane as a pure step: what the FMU runs.
 
 Symbols: ``q`` displacements [m] and ``v`` velocities [m/s] of the nodes that move, ``phase`` of the built-in pressure
 [cycles], ``f`` forces [N], ``m`` masses [kg], ``c`` mass damping [1/s], ``h`` step [s], ``V`` volume of gas [m3], ``u``
-inputs and ``p`` parameters by name.
+inputs and ``p`` parameters by name. Of the slowest vibration ``K`` tangent [N/m], ``M`` masses [kg], ``n`` normals, ``k``
+factor on inertia along the surface [1], ``omega`` angular frequency [1/s].
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
 import numpy as np
+import scipy.sparse
+from numpy.typing import ArrayLike
+from scipy.sparse.linalg import eigsh
 
 from ..arrays import Vector
+from ..errors import ConvergenceError
 from ..mistakes import DescriptionError, Mistake, raise_any
 from ..step_model import StepModel
 from ..variables import Values
 from .assembly import Forces, MembraneEquations
 from .element import lobatto_points, value_matrix
-from .equilibrium import balance, in_plane, of_base, relax, with_dead_loads
+from .equilibrium import in_plane, of_base, relaxed, with_dead_loads
 from .frame import RESTARTED, FrameState, flying
 from .gauges import Gauge
 from .newton import Newton
 from .portable import FILE, structure_text
-from .refinement import refined
 from .riding import Rider
 from .setup import Setup
 from .shape import SHAPE, membrane_shape
 from .square import square_structure
 from .statics import Equilibrium
 from .structure import Structure, make_structure
+from .surface import refined
 
 STEP_FRACTION = 0.6  # of the stable step
 MOST_DIFFERENTIATED = 5000  # nodes, of which an expression without loops is still of a size that compiles
 STEPS_PER_CYCLE = 20.0  # of the built-in pressure, at least
+_SHIFT = 1e-6  # of the largest stiffness over mass: below all frequencies, so that a slack film can be factored
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,7 +213,7 @@ def membrane_model(
         return state, results(state, u, p, found, gas)
 
     def init(u: Values, p: Values) -> tuple[MembraneState, dict[str, ca.MX]]:
-        q, left = in_plane(equations, u, p) if structure.starts_in_plane else relaxed(u, p)
+        q, left = (in_plane if structure.starts_in_plane else relaxed)(equations, u, p)
         state, values = begin(q, u, p)
         # where there is no equilibrium, what is left of the forces is told in the place of the phase
         return replace(state, phase=ca.if_else(left <= 1.0, state.phase, left)), values
@@ -225,13 +231,6 @@ def membrane_model(
             return state, results(state, u, p, found, gas) | ride.results
         state = MembraneState(q, ca.MX.zeros(n), phase, V, ca.MX.zeros(0))
         return state, results(state, u, p, found, gas)
-
-    def relaxed(u: Values, p: Values) -> tuple[ca.MX, ca.MX]:
-        given = [(ca.MX.sym(name, value.numel()), value) for name, value in [*vars(u).items(), *vars(p).items()]]
-        by_symbol = SimpleNamespace(**{symbol.name(): symbol for symbol, _ in given})
-        if equations.column is not None:
-            given.append((equations.column, equations.column))
-        return relax(lambda q: balance(equations, q, by_symbol, by_symbol), t["rest"], t["stiffness"], given)
 
     def results(state: MembraneState, u: Values, p: Values, found: Forces, gas: ca.MX) -> dict[str, ca.MX]:
         x = equations.positions(state.q, u, p)
@@ -338,3 +337,39 @@ def _description(structure: Structure) -> str:
     text = " and ".join(f"{len(block.elements)} {kinds[block.order]}" for block in mesh.blocks)
     law = "" if structure.setup.law == "st_venant_kirchhoff" else f", law {structure.setup.law}"
     return f"{structure.setup.title or 'Membrane'}: {mesh.name}, {text}{law}"
+
+
+def first_period(structure: Structure, given: Mapping[str, ArrayLike] | None = None) -> float:
+    r"""Return the longest period of small vibrations about equilibrium [s], without damping and without the gas' stiffness.
+
+    Parameters
+    ----------
+    structure : Structure
+        The membrane.
+    given : mapping of str to float, optional
+        Parameters and inputs that differ from their start values.
+
+    Raises
+    ------
+    ConvergenceError
+        There is no equilibrium.
+
+    Notes
+    -----
+    The smallest :math:`\omega` of :math:`K v = \omega^2 M v`, with the inertia of the model,
+    :math:`M = m\,(n n^T + k\,(1 - n n^T))`.
+    """
+    equilibrium = Equilibrium(structure, membrane_model(structure))
+    found = equilibrium.solve(given or {"damage": np.zeros((1, structure.n_zones))})
+    if found.failed[0]:
+        msg = "there is no equilibrium to vibrate about. Check supports, prestress and loads of the setup."
+        raise ConvergenceError(msg)
+    K = equilibrium.tangent(found, 0)
+    normals, k = structure.normals[structure.moving], structure.setup.inplane_mass
+    across = np.einsum("ni,nj->nij", normals, normals)
+    blocks = structure.mass[structure.moving, None, None] * (across + k * (np.eye(3) - across))
+    M = scipy.sparse.block_diag([scipy.sparse.csc_array(each) for each in blocks], format="csc")
+    M = M[:, equilibrium.free][equilibrium.free]
+    shift = -_SHIFT * float(np.max(np.abs(K.diagonal()) / M.diagonal()))
+    values = eigsh(K, 1, M=M, sigma=shift, return_eigenvectors=False)
+    return math.tau / math.sqrt(max(float(values[0]), -shift))

@@ -46,12 +46,14 @@ class Newton:
         the stiffness of its node [m/s2] that rounding leaves.
     free : ndarray of int
         Places in q of the displacements that are not held.
+    given : tuple of ndarray
+        Start values of inputs and parameters, in the model's order.
     """
 
     def __init__(self, equations: MembraneEquations, variables: tuple[Variable, ...]) -> None:
         structure, n = equations.structure, equations.n_q
         inputs, parameters = ([v for v in variables if v.causality == kind] for kind in ("input", "parameter"))
-        self._start = tuple(np.array([v.start or 0.0 for v in rows]) for rows in (inputs, parameters))
+        self.given = tuple(np.array([v.start or 0.0 for v in rows]) for rows in (inputs, parameters))
         self._stiffness = np.repeat(structure.stiffness[structure.moving], 3)
         self.free = np.flatnonzero(structure.free.reshape(-1, 3)[structure.moving].ravel())
         u, p, q = arguments = [ca.MX.sym(*of) for of in (("u", len(inputs)), ("p", len(parameters)), ("q", n))]
@@ -96,7 +98,7 @@ class Newton:
         d/2` with the forces f' after the step, the step is taken and the shift falls; else it rises. It ends where the
         forces are accepted and fall no further, and gives up after some steps whose energy rises.
         """
-        u, p = self._start
+        u, p = self.given
         if not len(self.free):  # all nodes are held
             return None
         q, mu, refused = np.zeros(len(self._stiffness)) if begin is None else begin, _SHIFT, 0
@@ -155,11 +157,8 @@ class Known:
         self._solve = solve
         return solve
 
-    def __getstate__(self) -> tuple[Vector, Vector, Vector]:
-        return self.u, self.p, self.q
-
-    def __setstate__(self, state: tuple[Vector, Vector, Vector]) -> None:
-        self.__init__(*state)  # type: ignore[misc]
+    def __reduce__(self) -> tuple[type[Known], tuple[Vector, Vector, Vector]]:  # without the factors
+        return Known, (self.u, self.p, self.q)
 
 
 class _Pattern:

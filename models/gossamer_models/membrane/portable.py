@@ -8,11 +8,11 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from gossamer_files import reason
 
+from ..artifacts import made_from
 from ..errors import DataError
 from .setup import Edge, Gas, Load, Region, Sensor, Setup, Support
 from .structure import Structure, make_structure
@@ -61,8 +61,7 @@ def read_structure(text: str) -> Structure:
         groups = {kind: {name: np.array(rows, dtype=np.int64) for name, rows in mesh[kind].items()} for kind in _GROUPS}
         blocks = tuple(Block(b["order"], np.array(b["elements"]), np.array(b["faces"])) for b in mesh["blocks"])
         return make_structure(
-            Setup(**{name: _table(name, value) for name, value in setup.items()}),
-            SurfaceMesh(name=mesh["name"], nodes=np.array(mesh["nodes"]), blocks=blocks, **groups),
+            made_from(Setup, setup), SurfaceMesh(name=mesh["name"], nodes=np.array(mesh["nodes"]), blocks=blocks, **groups)
         )
     except (KeyError, TypeError, ValueError) as error:
         msg = f"this is no structure of a membrane: {reason(error)}. Make it again."
@@ -70,17 +69,3 @@ def read_structure(text: str) -> Structure:
 
 
 _GROUPS = ("faces", "points", "sides")
-
-
-def _table(name: str, value: Any) -> Any:  # noqa: ANN401
-    """Return what a key of a setup holds."""
-    if name in TABLES and isinstance(value, dict):
-        return TABLES[name](**{key: _tuples(each) for key, each in value.items()})
-    if name in TABLES and isinstance(value, list):
-        return tuple(_table(name, each) for each in value)
-    return value
-
-
-def _tuples(value: Any) -> Any:  # noqa: ANN401
-    """Return arrays of JSON as tuples."""
-    return tuple(map(_tuples, value)) if isinstance(value, list) else value

@@ -75,16 +75,8 @@ class Common:
     weight: ca.MX
 
 
-_LIKE = Common(
-    half=ca.MX(3, 3),
-    h=ca.MX(1, 1),
-    a=ca.MX(3, 1),
-    w=ca.MX(3, 1),
-    damping=ca.MX(1, 1),
-    shed=ca.MX(1, 1),
-    shift=ca.MX(3, 1),
-    weight=ca.MX(1, 1),
-)
+_SCALAR, _VECTOR = ca.MX(1, 1), ca.MX(3, 1)
+_LIKE = Common(ca.MX(3, 3), _SCALAR, _VECTOR, _VECTOR, _SCALAR, _SCALAR, _VECTOR, _SCALAR)
 
 
 class Rider:

@@ -75,10 +75,10 @@ def membrane_shape(structure: Structure, variables: Sequence[Variable]) -> bytes
         ),
         "temperature": _integers([number.get(f"temperature[{i + 1}]", -1) for i in regions]),
         "poisson_from": _integers([number.get("poisson_ratio", -1) for _ in regions]),
-        "poisson_ratio": np.array([region.poisson_ratio for region in setup.regions]),
-        "thermal_expansion": np.array([region.thermal_expansion for region in setup.regions]),
-        "prestress": np.array([region.prestress for region in setup.regions]),
-        "direction": np.array([region.direction for region in setup.regions]),
+        **{
+            name: np.array([getattr(region, name) for region in setup.regions])
+            for name in ("poisson_ratio", "thermal_expansion", "prestress", "direction")
+        },
         "sensor_points": (_rows([sensor.point for sensor in setup.sensors]) - structure.origin) / size,
         "sensor_directions": _rows([sensor.direction for sensor in setup.sensors]),
     }

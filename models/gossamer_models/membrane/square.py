@@ -20,7 +20,7 @@ from ..errors import ParameterError
 from ..mistakes import DescriptionError, Mistake
 from ..variables import Variable, input_, local, output, parameter
 from .gauges import place_matrix
-from .interface import BUILT_IN, MAX_STEP, STRAIN, node_rows
+from .interface import BUILT_IN, MAX_STEP, STRAIN, damage_rows, node_rows
 from .reading import MeshFile
 from .setup import Region, Sensor, Setup, Support
 from .structure import Structure, make_structure
@@ -32,7 +32,7 @@ GRID_STEPS = 8  # deflections are results on a grid of 7 x 7 points, whatever th
 # fractions of the side along x and y; (0.2, 0.2), (0.4, 0.2), (0.2, 0.4), (0.4, 0.4) m of the prestressed 0.6 m square,
 # where Section 7.5 of the thesis measures the normal strain along y
 SENSORS = ((1 / 3, 1 / 3), (2 / 3, 1 / 3), (1 / 3, 2 / 3), (2 / 3, 2 / 3))
-GRID = [(i / GRID_STEPS, j / GRID_STEPS) for i in range(1, GRID_STEPS) for j in range(1, GRID_STEPS)]
+GRID = [(i, j) for i in range(1, GRID_STEPS) for j in range(1, GRID_STEPS)]
 ZONES = [(column, row) for row in range(ZONES_PER_SIDE) for column in range(ZONES_PER_SIDE)]
 
 
@@ -155,7 +155,7 @@ def square_structure(
         sensors=tuple(Sensor(point=(side * x, side * y, 0.0), direction=(0.0, 1.0, 0.0)) for x, y in SENSORS),
     )
     mesh = surface_mesh(_mesh(n, side), order)
-    at = np.array([(0.5, 0.5), *GRID]) * side
+    at = np.array([(GRID_STEPS / 2, GRID_STEPS / 2), *GRID]) / GRID_STEPS * side
     probes = place_matrix(mesh, np.column_stack([at, np.zeros(len(at))]))
     return replace(
         make_structure(setup, mesh),
@@ -192,17 +192,7 @@ def _variables(p: MembraneParams, setup: Setup, _: tuple[str, ...], n_nodes: int
     return (
         *(replace(row, start=getattr(p, row.name)) for row in PARAMETERS),
         *INPUTS,
-        *(
-            input_(
-                f"damage[{k + 1}]",
-                "1",
-                f"Lost fraction of Young's modulus in zone {k + 1} (column {x + 1} along x, row {y + 1} along y)",
-                0.0,
-                0.0,
-                0.95,
-            )
-            for k, (x, y) in enumerate(ZONES)
-        ),
+        *damage_rows([f"zone {k} (column {x + 1} along x, row {y + 1} along y)" for k, (x, y) in enumerate(ZONES, 1)]),
         *(
             output(f"strain[{k + 1}]", "1", strain.format(*np.array(sensor.point[:2]) / p.side_length * 3.0), nominal=0.1)
             for k, sensor in enumerate(setup.sensors)
@@ -210,13 +200,12 @@ def _variables(p: MembraneParams, setup: Setup, _: tuple[str, ...], n_nodes: int
         output("deflection", "m", "Deflection of the centre", nominal=0.1),
         *(
             local(
-                f"w[{round(GRID_STEPS * x)},{round(GRID_STEPS * y)}]",
+                f"w[{i},{j}]",
                 "m",
-                f"Deflection at {round(GRID_STEPS * x)}/{GRID_STEPS} of the side along x, "
-                f"{round(GRID_STEPS * y)}/{GRID_STEPS} along y",
+                f"Deflection at {i}/{GRID_STEPS} of the side along x, {j}/{GRID_STEPS} along y",
                 nominal=0.1,
             )
-            for x, y in GRID
+            for i, j in GRID
         ),
         *node_rows(setup, n_nodes),
         replace(STRAIN, description="Largest principal nominal strain of all points"),

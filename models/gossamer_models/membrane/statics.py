@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -144,8 +145,7 @@ class Equilibrium:
         self._changed = ca.Function("changed", [*arguments, *directions], [ca.densify(change)])
         self._shape, self._n_q = (n_nodes, len(rows)), n
         self._healthy: OrderedDict[bytes, Known | None] = OrderedDict()
-        self._first: Known | None = None
-        self._is_begun, self._is_loaded_later = False, structure.starts_in_plane
+        self._is_loaded_later = structure.starts_in_plane
 
     def __call__(self, u: Matrix, p: Matrix) -> Matrix:
         """Return the displacements of equilibrium [m], shape (m, 3 M), for inputs and parameters in the model's order."""
@@ -234,8 +234,8 @@ class Equilibrium:
         key = np.concatenate([u[self._relevant[0]], p[self._relevant[1]]]).tobytes()
         if key not in self._healthy:
             q = None
-            if (first := self._begun()) is not None:
-                q = self.newton.reach(u, p, first)
+            if self._first is not None:
+                q = self.newton.reach(u, p, self._first)
             q = self._relaxed(u, p) if q is None else q
             self._healthy[key] = None if np.isnan(q).any() else Known(u.copy(), p.copy(), q)
             if len(self._healthy) > KEPT:
@@ -243,14 +243,13 @@ class Equilibrium:
         self._healthy.move_to_end(key)
         return self._healthy[key]
 
-    def _begun(self) -> Known | None:
-        """Return the equilibrium at the start values, if there is one."""
-        if not self._is_begun:
-            u, p = (np.array([v.start or 0.0 for v in rows]) for rows in (self._table.inputs, self._table.parameters))
-            u[self._damages] = 0.0
-            q = self._relaxed(u, p)
-            self._first, self._is_begun = None if np.isnan(q).any() else Known(u, p, q), True
-        return self._first
+    @cached_property
+    def _first(self) -> Known | None:
+        """The equilibrium at the start values, if there is one."""
+        u, p = (values.copy() for values in self.newton.given)
+        u[self._damages] = 0.0
+        q = self._relaxed(u, p)
+        return None if np.isnan(q).any() else Known(u, p, q)
 
     def _relaxed(self, u: Vector, p: Vector) -> Vector:
         """Return the displacements that the model's own ``init`` finds, not a number where it leaves loads out."""

@@ -23,9 +23,8 @@ from .element import Element
 from .gauges import Gauge, gauge
 from .geometry import Geometry, geometry, stiffest, values
 from .interface import mesh_variables
-from .refinement import refined
 from .setup import Setup
-from .surface import Integers, SurfaceMesh, sides_of
+from .surface import Integers, SurfaceMesh, refined, sides_of
 from .zones import Zone, divide
 
 _FLAT = 1e-9  # share of its mean, or of the size cubed, below which an element has no area, a surface no volume

@@ -1,4 +1,4 @@
-r"""A surface of quadrilaterals and triangles in space, with its named groups.
+r"""A surface of quadrilaterals and triangles in space, with its named groups; and the same with more unknowns.
 
 Symbols: ``m`` nodes of an element, ``n`` elements of a kind, ``p`` order, ``s``, ``t`` parent coordinates [1]. A
 quadrilateral holds (p + 1)^2 nodes at the Gauss-Lobatto-Legendre points, s fastest; neighbours share the nodes of their
@@ -16,14 +16,19 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Vector
+from ..arrays import Matrix, Vector
 from ..errors import DataError
 from .element import lobatto_points, value_matrix
 from .reading import MeshFile
 
 Integers = NDArray[np.int64]
 
+NINE = [(0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1), (1, 1)]  # nodes: corners, sides, middle
 _TURNED = [0, 3, 2, 1, 7, 6, 5, 4, 8]  # nodes of a quadrilateral that faces the other way
+# of a quadrilateral: places on a grid of 5 x 5 of the nine nodes of each quarter, corners first, then sides, then middle
+_QUARTERS = [[5 * (j + b) + i + a for a, b in NINE] for i, j in NINE[:4]]
+_WHOLE = [5 * 2 * b + 2 * a for a, b in NINE]
+_CORNERS, _SIDES = [0, 4, 24, 20], [2, 14, 22, 10]
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,14 +202,10 @@ def _geometry(nodes: int, order: int) -> Vector:
         corner = [(1 + a * x) * (1 + b * y) * (a * x + b * y - 1) / 4 for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
         middle = [(1 - x**2) * (1 - y) / 2, (1 + x) * (1 - y**2) / 2, (1 - x**2) * (1 + y) / 2, (1 - x) * (1 - y**2) / 2]
         return np.column_stack([*corner, *middle])
-    knots = np.array([-0.5, 0.5]) if nodes < 9 else np.array([-0.5, 0.0, 0.5])
-    where = (
-        [(0, 0), (1, 0), (1, 1), (0, 1)]
-        if nodes < 9
-        else [(0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1), (1, 1)]
-    )
+    knots = np.linspace(-0.5, 0.5, 2 if nodes == 4 else 3)
     along_s, along_t = value_matrix(knots, s), value_matrix(knots, t)
-    return np.column_stack([along_s[:, i] * along_t[:, j] for i, j in where])
+    last = len(knots) - 1
+    return np.column_stack([along_s[:, last * i // 2] * along_t[:, last * j // 2] for i, j in NINE[:nodes]])
 
 
 def _turned(file: MeshFile) -> NDArray[np.bool_]:
@@ -248,3 +249,64 @@ def _turned(file: MeshFile) -> NDArray[np.bool_]:
             volumes = np.array([sum(np.dot(X[0], np.cross(a, b)) for a, b in pairwise(X[1:])) for X in corners])
             turned[sheet] ^= np.sum(np.where(turned[sheet], -volumes, volumes)) < 0.0
     return turned
+
+
+def refined(mesh: SurfaceMesh, order: int, *, quarters: bool = True) -> SurfaceMesh:
+    """Return a surface whose elements are divided in four, or not, and have some order; its groups hold the same places.
+
+    New nodes lie on the elements that were there, so a curved surface stays as flat between its nodes as its mesh made it:
+    what they show is the error of the elements, not of the shape. A facet under pressure bulges on the finer mesh, where the
+    true surface is curved from the start; ``Structure.chord_error`` states how far from it the mesh is.
+    """
+    return surface_mesh(_file(mesh, quarters=quarters), order)
+
+
+def _file(mesh: SurfaceMesh, *, quarters: bool) -> MeshFile:
+    """Write a surface as a mesh file of quadrilaterals of nine nodes and triangles, or of the quarters of both."""
+    blocks = {block.order > 0: block for block in mesh.blocks}
+    corners = {kind: block.elements[:, corners_of(block.order)] for kind, block in blocks.items()}
+    sides = np.concatenate([np.stack([each, np.roll(each, -1, axis=1)], axis=2).reshape(-1, 2) for each in corners.values()])
+    pairs = np.unique(np.sort(sides, axis=1), axis=0)
+    middle = {(a, b): len(mesh.nodes) + k for k, (a, b) in enumerate(pairs.tolist())}
+    nodes = [mesh.nodes, mesh.nodes[pairs].mean(axis=1)]  # middles of quadrilaterals' sides are set below
+
+    def between(each: Integers) -> Integers:
+        ends = np.sort(np.stack([each, np.roll(each, -1, axis=1)], axis=2), axis=2)
+        return np.array([[middle[a, b] for a, b in face] for face in ends.tolist()], dtype=np.int64).reshape(each.shape)
+
+    quadrilaterals, triangles = np.zeros((0, 9), dtype=np.int64), np.zeros((0, 3), dtype=np.int64)
+    if True in blocks:
+        block, each = blocks[True], corners[True]
+        at = np.einsum("pm,nmi->npi", _on_grid(block.order), mesh.nodes[block.elements])
+        grid = len(mesh.nodes) + len(pairs) + np.arange(25 * len(each)).reshape(-1, 25)
+        grid[:, _CORNERS] = each
+        grid[:, _SIDES] = between(each)
+        nodes[1][grid[:, _SIDES] - len(mesh.nodes)] = at[:, _SIDES]
+        nodes.append(at.reshape(-1, 3))
+        quadrilaterals = grid[:, _QUARTERS if quarters else [_WHOLE]].reshape(-1, 9)
+    if False in blocks:
+        each = corners[False]
+        (a, b, c), (e, f, g) = each.T, between(each).T
+        parts = np.stack([[a, e, g], [e, b, f], [g, f, c], [e, f, g]]) if quarters else each.T[None]
+        triangles = np.transpose(parts, (2, 0, 1)).reshape(-1, 3)
+    faces = {name: (4 * v[:, None] + np.arange(4)).ravel() if quarters else v for name, v in mesh.faces.items()}
+    halves = {name: np.stack([side[:, 0], side[:, -1]], axis=1) for name, side in mesh.sides.items()}
+    if quarters:
+        halves = {
+            name: np.array(
+                [half for a, b in ends.tolist() for m in [middle[min(a, b), max(a, b)]] for half in ((a, m), (m, b))]
+            )
+            for name, ends in halves.items()
+        }
+    points = {}
+    for name, members in mesh.points.items():
+        if name not in mesh.faces and name not in mesh.sides:
+            within = np.isin(pairs, members).all(axis=1)
+            points[name] = np.concatenate([members, len(mesh.nodes) + np.flatnonzero(within)]).astype(np.int64)
+    return MeshFile(mesh.name, np.concatenate(nodes), quadrilaterals, triangles, faces, halves, points)
+
+
+def _on_grid(order: int) -> Matrix:
+    """Evaluate the shape functions of a quadrilateral on a grid of 5 x 5 places, shape (25, m)."""
+    along = value_matrix(lobatto_points(order + 1)[0], np.linspace(-0.5, 0.5, 5))
+    return np.asarray(np.kron(along, along))

@@ -22,8 +22,6 @@ from ..errors import DataError
 from ..fitting.records import Record, forward_cuts
 
 LEAST_OVERLAP = 0.25  # of one of two ranges
-
-Range = tuple[float, float]
 LEAST_SAMPLES = 20
 SHORTEST_DECAY = 0.01  # of the stretch
 OFFSET_DECAYS, GAIN_DECAYS = 4, 2
@@ -54,14 +52,15 @@ def hardly_overlapping(
     """
     sentences = []
     here = float(record.strain.min()), float(record.strain.max())
-    if _size(here) < LEAST_OVERLAP * full_scale:
+    if here[1] - here[0] < LEAST_OVERLAP * full_scale:
         sentences.append(
             f"strain is {100 * here[0]:.4g} to {100 * here[1]:.4g} %, a small part of the 0 to {100 * full_scale:.4g} % "
             f"that the sensor was identified on. Check the unit ({option('strain_unit')}), or name a record of like strain"
         )
     here = float(record.resistance.min()), float(record.resistance.max())
     known = min(offset, offset + gain), max(offset, offset + gain)
-    if not own_scales and _shared(here, known) < LEAST_OVERLAP * min(_size(here), _size(known)):
+    shared = max(min(here[1], known[1]) - max(here[0], known[0]), 0.0)
+    if not own_scales and shared < LEAST_OVERLAP * min(here[1] - here[0], known[1] - known[0]):
         unit = " ohm" * (record.unit == "ohm")
         sentences.append(
             f"resistance is {here[0]:.5g} to {here[1]:.5g}{unit}, but the sensor was identified on {known[0]:.5g} to "
@@ -69,14 +68,6 @@ def hardly_overlapping(
             f"({option('resistance')}, {option('resistance_unit')}), or give {option('fit_scales', True)}"
         )
     return tuple(f"{record.name}: {sentence}." for sentence in sentences)
-
-
-def _size(ends: Range) -> float:
-    return ends[1] - ends[0]
-
-
-def _shared(one: Range, other: Range) -> float:
-    return max(min(one[1], other[1]) - max(one[0], other[0]), 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,6 +14,7 @@ The direct inverse from resistance to strain is a fit to records with both excha
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Unpack
 
 import numpy as np
 
@@ -26,7 +27,7 @@ from .parameters import ParameterBlock
 from .regression import Stretch, prepare
 from .residual import choose_steps, corrections, features_of
 from .residual import train as train_network
-from .settings import PreisachSettings
+from .settings import Given, PreisachSettings
 from .solve import Watch, choose_ridge, solve
 from .weights import normalised_output, normalised_sensor, weight_function
 
@@ -192,13 +193,11 @@ def fit_preisach(
     settings = settings or PreisachSettings()
     check_rest(rest_resistance)
     full_scale = strain_range(records, full_scale)
+    given = Given(full_scale=full_scale, rest_resistance=rest_resistance)
     if settings.ridge == "auto":
-        settings = choose_ridge(
-            records, train, settings, full_scale=full_scale, rest_resistance=rest_resistance, watch=watch
-        )
+        settings = choose_ridge(records, train, settings, watch=watch, **given)
     if settings.residual == "auto":
-        steps = residual_steps(records, train, settings, full_scale=full_scale, rest_resistance=rest_resistance)
-        settings = replace(settings, residual=steps)
+        settings = replace(settings, residual=residual_steps(records, train, settings, **given))
     regression = prepare(records, train, settings, full_scale)
     weights = weight_function(settings, regression, rest_resistance, positive_rest=positive_rest)
     solver, solutions = solve(weights, regression, settings, watch)
@@ -232,19 +231,13 @@ def fit_preisach(
 
 
 def residual_steps(
-    records: tuple[Record, ...],
-    train: tuple[Rows, ...],
-    settings: PreisachSettings,
-    *,
-    full_scale: float,
-    rest_resistance: float | None = None,
+    records: tuple[Record, ...], train: tuple[Rows, ...], settings: PreisachSettings, **given: Unpack[Given]
 ) -> int:
     """Return for how many steps a residual network is best trained, 0 for none; only training samples are used."""
     plain = replace(settings, residual=0)
     cuts = []
     for fitted, held in forward_cuts(train):
-        given = {"full_scale": full_scale, "rest_resistance": rest_resistance}
-        fit = fit_preisach(records, fitted, plain, inverse=False, **given)  # type: ignore[arg-type]
+        fit = fit_preisach(records, fitted, plain, inverse=False, **given)
         cuts.append((*_left_over(fit), fitted, held))
     return choose_steps(cuts, seed=settings.seed)
 

@@ -4,13 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, TypedDict
 
 from ...errors import require
 from ..drives import EXTENSIONS, Drive
 
 PRESETS: dict[str, dict[str, Any]] = {"preisach": {}, "preisach-hats": {"density": "hats", "density_ridge": 3e-3}}
 MODELS = tuple(PRESETS)
+
+
+class Given(TypedDict):
+    """What is known of a sensor before a fit: full scale [1] and, unless it is None, resistance at rest [ohm]."""
+
+    full_scale: float
+    rest_resistance: float | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
