@@ -6,12 +6,15 @@ Models, FMUs and orchestrator use it, which may not import each other. ``measure
 from __future__ import annotations
 
 import errno
+import math
 import os
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import fields, is_dataclass
 from glob import escape
 from pathlib import Path
+from typing import Any
 
 from .errors import DataError as DataError
 from .errors import GossamerError as GossamerError
@@ -79,6 +82,26 @@ def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
             member.external_attr = 0o644 << 16
             member.create_system = 3
             archive.writestr(member, content)
+
+
+def as_json(value: Any, otherwise: Callable[[Any], Any] | None = None) -> Any:  # noqa: ANN401
+    """Return a value as JSON can hold it: what is not finite is null, a data class is a mapping.
+
+    ``otherwise`` is called with whatever else JSON does not know; by default arrays become lists, and paths texts.
+    """
+    if is_dataclass(value):
+        value = {each.name: getattr(value, each.name) for each in fields(value)}
+    if isinstance(value, Mapping):
+        return {str(name): as_json(each, otherwise) for name, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [as_json(each, otherwise) for each in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if value is None or isinstance(value, str | int):
+        return value
+    if otherwise is not None:
+        return otherwise(value)
+    return as_json(value.tolist()) if hasattr(value, "tolist") else str(value)
 
 
 def unfinished_of(path: Path) -> list[Path]:

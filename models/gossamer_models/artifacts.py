@@ -91,7 +91,9 @@ def read_artifact(path: Path, schema: str, *versions: int) -> dict[str, Any]:
     return card
 
 
-def read_as(kind: type[Content], what: str, path: Path, schema: str, version: int) -> Content:
+def read_as(
+    kind: type[Content], what: str, path: Path, schema: str, version: int, turned: Callable[[Any], Any] = lambda card: card
+) -> Content:
     """Read an artifact whose content is the fields of a dataclass, with its provenance.
 
     Parameters
@@ -100,13 +102,15 @@ def read_as(kind: type[Content], what: str, path: Path, schema: str, version: in
         The dataclass, and what it is in words.
     path, schema, version
         As of ``write_artifact``.
+    turned : callable, optional
+        What turns the card before it is used.
 
     Raises
     ------
     ArtifactError
         As ``read_artifact``; or the content is not usable.
     """
-    card = read_artifact(path, schema, version)
+    card = turned(read_artifact(path, schema, version))
     try:
         made: Content = made_from(kind, {name: value for name, value in card.items() if name not in PREAMBLE})
     except (KeyError, TypeError, ValueError, AttributeError) as error:
@@ -120,14 +124,14 @@ def made_from(kind: Any, value: Any) -> Any:  # noqa: ANN401
     origin, parts = get_origin(kind), get_args(kind)
     if origin is types.UnionType:  # with None, or of a number and a tuple
         return None if value is None else made_from(parts[-1 if isinstance(value, list) else 0], value)
-    if origin is tuple:
-        return tuple(made_from(parts[0], each) for each in value)
+    if origin in (tuple, list):
+        return origin(made_from(parts[0], each) for each in value)
     if origin is dict:
         return {str(key): made_from(parts[1], each) for key, each in value.items()}
     if is_dataclass(kind):
         hints, make = get_type_hints(kind), cast("Callable[..., Any]", kind)
         return make(**{name: made_from(hints.get(name, str), each) for name, each in value.items()})
-    return value if origin is not None else kind(value)
+    return value if origin is not None else kind(*value) if hasattr(kind, "_fields") else kind(value)
 
 
 def artifact_schema(path: Path) -> str:

@@ -12,8 +12,7 @@ from .options import ColumnOptions
 from .plans import judged_on
 from .records import histories, tell_recognised
 from .results import Result, by_label, first_of
-from .terminal import progress_bar
-from .writing import keep_inputs, save_page
+from .working import keep_inputs, progress_bar, save_page
 
 if TYPE_CHECKING:
     import xarray as xr

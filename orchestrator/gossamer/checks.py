@@ -12,7 +12,7 @@ from gossamer_files.tables import TableText
 from .arguments import AnyPath, Files, command, several
 from .options import RunOptions, as_settings
 from .results import Result
-from .terminal import stderr
+from .working import stderr
 
 if TYPE_CHECKING:
     from gossamer_orchestrator.run.child import Outline

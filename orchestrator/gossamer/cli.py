@@ -21,13 +21,14 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin
 
 import cyclopts
+from gossamer_files import as_json
 from gossamer_files.options import DASHES, STYLE, option
 from gossamer_orchestrator.errors import OrchestratorError
 
 from . import HOMES
 from .arguments import COMMANDS, Argument, ArgumentError, declared
-from .results import Result, as_json, print_tables
-from .terminal import NO_TERMINAL, TERMINAL, stderr
+from .results import Result, print_tables
+from .working import NO_TERMINAL, TERMINAL, stderr
 
 OURS = ("gossamer_models", "gossamer_fmus", "gossamer_orchestrator", "gossamer")  # loggers
 MORE = "Every command has its own help: gossamer run --help"

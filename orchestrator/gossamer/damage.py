@@ -12,8 +12,7 @@ from .arguments import AnyPath, File, NamesWithCommas, command, names_of
 from .options import TwinOptions
 from .records import beside, file_of, find_record, name_of
 from .results import INVALID, Saved, as_png, typed, zone_coordinates
-from .terminal import progress_bar, say, stderr
-from .writing import json_file, keep_inputs, save_page
+from .working import json_file, keep_inputs, progress_bar, save_page, say, stderr
 
 if TYPE_CHECKING:
     import xarray as xr

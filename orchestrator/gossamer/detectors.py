@@ -15,8 +15,7 @@ from .arguments import Address, AnyPath, Count, File, Folder, Seconds, command
 from .options import PlanOptions
 from .plans import given, planned
 from .results import Saved, by_label
-from .terminal import progress_bar
-from .writing import json_file, keep_inputs, save_page
+from .working import json_file, keep_inputs, progress_bar, save_page
 
 if TYPE_CHECKING:
     import xarray as xr

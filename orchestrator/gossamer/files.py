@@ -13,8 +13,7 @@ from gossamer_files.options import option
 from gossamer_orchestrator.errors import ResultsError, ScenarioError
 
 from .arguments import AnyPath, File, FmiVersion, Folder, Form, command
-from .terminal import say
-from .writing import keep_inputs, kinds_of
+from .working import keep_inputs, kinds_of, say
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -12,8 +12,7 @@ from gossamer_orchestrator.errors import FmuError
 
 from .arguments import File, FmiVersion, Folder, Name, Names, Scales, command, several
 from .results import Result
-from .terminal import say, stderr
-from .writing import keep_inputs, kinds_of
+from .working import keep_inputs, kinds_of, say, stderr
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -13,8 +13,7 @@ from gossamer_orchestrator.errors import OrchestratorError
 from .arguments import Count, CountOrNone, File, Folder, NamesWithCommas, NotNegative, Values, assigned, command, names_of
 from .records import numbers_by_name
 from .results import Saved, first_of
-from .terminal import progress_bar
-from .writing import keep_inputs
+from .working import keep_inputs, progress_bar
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -16,7 +16,7 @@ from gossamer_orchestrator.errors import OrchestratorError, ResultsError
 from .arguments import AnyPath, assigned
 from .options import TwinOptions
 from .results import print_tables
-from .terminal import TERMINAL, talk
+from .working import TERMINAL, talk
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -6,14 +6,14 @@ import base64
 import io
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 from gossamer_files.tables import TableText
 
-from .writing import save_page
+from .working import save_page
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -197,18 +197,3 @@ def by_label(dims: tuple[str, ...], rows: Iterable[tuple[tuple[Any, ...], Mappin
             arrays.setdefault(name.replace(" ", "_"), empty)[place] = value
     units = {name: {"units": "%" if name in _PERCENT else "1"} for name in arrays}
     return xr.Dataset({name: (dims, values, units[name]) for name, values in arrays.items()}, coords=labels)
-
-
-def as_json(value: Any) -> Any:  # noqa: ANN401
-    """Return a value as JSON can hold it: what is not finite is null; paths, arrays and data classes become what fits."""
-    if isinstance(value, Mapping):
-        return {str(name): as_json(each) for name, each in value.items()}
-    if is_dataclass(value):
-        return {each.name: as_json(getattr(value, each.name)) for each in fields(value)}
-    if isinstance(value, list | tuple):
-        return [as_json(each) for each in value]
-    if hasattr(value, "tolist"):
-        return as_json(value.tolist())
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value if isinstance(value, str | int | None) else str(value)

@@ -16,8 +16,7 @@ from .arguments import AnyPath, Folder, Threads, command
 from .fmus import build_fmus
 from .options import RunOptions, as_settings
 from .results import INVALID, Result, first_of
-from .terminal import progress_bar
-from .writing import save_page
+from .working import progress_bar, save_page
 
 if TYPE_CHECKING:
     import xarray as xr

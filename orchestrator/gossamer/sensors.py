@@ -17,8 +17,7 @@ from .arguments import Budget, File, Files, Form, Name, Numbers, call_of, comman
 from .options import ColumnOptions, FitOptions
 from .records import histories, tell_recognised
 from .results import Saved, first_of
-from .terminal import TERMINAL, progress_bar
-from .writing import json_file, keep_inputs, save_page
+from .working import TERMINAL, json_file, keep_inputs, progress_bar, save_page
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -14,8 +14,7 @@ from gossamer_files.tables import TableText
 from .arguments import Address, AnyPath, Count, Folder, Name, Ranges, assigned, command
 from .options import ScenarioOptions
 from .results import Result
-from .terminal import progress_bar
-from .writing import keep_inputs, save_page
+from .working import keep_inputs, progress_bar, save_page
 
 if TYPE_CHECKING:
     import xarray as xr

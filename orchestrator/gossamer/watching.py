@@ -16,9 +16,8 @@ from gossamer_orchestrator.words import counted
 from .arguments import AnyPath, File, command, expected_errors
 from .options import TwinOptions
 from .records import KnownRecord, beside, file_of, find_in_results, find_record
-from .results import INVALID, Saved, as_json, as_png, print_tables, typed, zone_coordinates
-from .terminal import TERMINAL, progress_bar, talk
-from .writing import keep_inputs
+from .results import INVALID, Saved, as_png, print_tables, typed, zone_coordinates
+from .working import TERMINAL, keep_inputs, progress_bar, talk
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -83,7 +82,7 @@ class Watching(Saved):
 
     def end(self, console: Console) -> None:
         """Print a summary, and write the file."""
-        from gossamer_files import replacing
+        from gossamer_files import as_json, replacing
 
         console.print(self.summary, highlight=False)
         for line in self.more():

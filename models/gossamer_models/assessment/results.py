@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import csv
 import math
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from gossamer_files import reason, replacing
+from gossamer_files import as_json, replacing
 
-from ..artifacts import read_artifact, write_artifact
-from ..errors import DataError
+from ..artifacts import read_as, write_artifact
 from .figures import Figures
 from .pod import Share
 
@@ -153,7 +152,7 @@ class AssessmentResults:
 def write_assessment(assessment: AssessmentResults, folder: Path) -> list[Path]:
     """Write the results as JSON and, in percent, as CSV; return the paths."""
     folder.mkdir(parents=True, exist_ok=True)
-    content = {part.name: _bare(getattr(assessment, part.name)) for part in fields(assessment)}
+    content = as_json(assessment)
     write_artifact(folder / FILE, SCHEMA, VERSION, content.pop("provenance"), content)
     tables = {
         "conditions.csv": [_condition_line(row) for row in assessment.rows],
@@ -174,51 +173,18 @@ def read_assessment(folder: Path) -> AssessmentResults:
     Raises
     ------
     ArtifactError
-        There is no assessment in the folder, or one of another version.
-    DataError
-        It is incomplete.
+        There is no assessment in the folder, or one of another version or incomplete.
     """
-    card = read_artifact(folder / FILE, SCHEMA, VERSION)
-    try:
-        return AssessmentResults(
-            provenance=card["provenance"],
-            zone_names=card["zone_names"],
-            rows=[Row(**{**_numbers(row), "figures": _figures(row["figures"])}) for row in card["rows"]],
-            detections=[
-                DetectionRow(**{**_numbers(row), "false_calls": Share(*row["false_calls"])}) for row in card["detections"]
-            ],
-            confusions=[ConfusionRow(**row) for row in card["confusions"]],
-            tables=[TableRow(**row) for row in card["tables"]],
-        )
-    except (KeyError, TypeError) as error:
-        msg = f"{folder / FILE} does not hold a whole assessment: {reason(error)}. Run gossamer assess-detector again."
-        raise DataError(msg) from error
+    return read_as(AssessmentResults, "assessment", folder / FILE, SCHEMA, VERSION, _numbers)
 
 
-def _figures(row: dict[str, Any]) -> Figures:
-    values: dict[str, Any] = _numbers(row)
-    values |= {name: Share(*value) for name, value in values.items() if isinstance(value, list)}
-    return Figures(**values)
-
-
-def _bare(value: Any) -> Any:  # noqa: ANN401
-    """Turn dataclasses into JSON values; what is not finite becomes None."""
-    if isinstance(value, dict):
-        return {key: _bare(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_bare(item) for item in value]
-    if hasattr(value, "__dataclass_fields__"):
-        return _bare(asdict(value))
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _numbers(row: Any) -> Any:  # noqa: ANN401
+def _numbers(value: Any) -> Any:  # noqa: ANN401
     """Turn None back into what is not a number."""
-    if isinstance(row, dict):
-        return {key: _numbers(value) for key, value in row.items()}
-    if isinstance(row, list):
-        return [_numbers(value) for value in row]
-    return math.nan if row is None else row
+    if isinstance(value, dict):
+        return {key: _numbers(each) for key, each in value.items()}
+    if isinstance(value, list):
+        return [_numbers(each) for each in value]
+    return math.nan if value is None else value
 
 
 def _condition_line(row: Row) -> dict[str, str]:

@@ -9,9 +9,8 @@ from __future__ import annotations
 import base64
 import gzip
 import json
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -19,7 +18,7 @@ from string import Template
 from typing import Any, Literal
 
 import numpy as np
-from gossamer_files import replacing
+from gossamer_files import as_json, replacing
 from gossamer_files.charts import Chart
 
 from ..errors import ResultsError, writing
@@ -80,6 +79,11 @@ def write_page(page: Page, path: Path) -> Path:
     ResultsError
         The file cannot be written; a page that was there is as it was.
     """
+    charts = [
+        replace(chart, **{name: unbroken(getattr(chart, name)) for name in ("title", "note", "result")})
+        for chart in page.charts
+    ]
+    content = as_json({"charts": charts, **page.content}, _Arrays())
     text = Template((ASSETS / "page.html").read_text(encoding="utf-8")).substitute(
         title=written(page.title),
         kind=page.kind,
@@ -91,7 +95,7 @@ def write_page(page: Page, path: Path) -> Path:
         facts=page.facts,
         how=written(page.how),
         library=_library(),
-        data=_packed(json.dumps(_finite(_content(page)), default=_Arrays(), allow_nan=False).encode()),
+        data=_packed(json.dumps(content, allow_nan=False).encode()),
         script="\n".join(
             each.read_text(encoding="utf-8")
             for each in (*(ASSETS / name for name in SHARED), *page.scripts, ASSETS / "main.js")
@@ -102,14 +106,6 @@ def write_page(page: Page, path: Path) -> Path:
         with replacing(path) as new:
             new.write_text(text, encoding="utf-8")
     return path
-
-
-def _content(page: Page) -> dict[str, Any]:
-    charts = []
-    for chart in page.charts:
-        words = {name: unbroken(getattr(chart, name)) for name in ("title", "note", "result")}
-        charts.append(vars(chart) | words | {"steps": chart.steps and vars(chart.steps)})
-    return {"charts": charts, **page.content}
 
 
 def _contents(page: Page) -> str:
@@ -142,15 +138,6 @@ def _opened(library: str) -> str:
 
 def _packed(content: bytes) -> str:
     return base64.b64encode(gzip.compress(content, 6, mtime=0)).decode()
-
-
-def _finite(value: Any) -> Any:  # noqa: ANN401
-    """Return a value with null for numbers that JSON does not know."""
-    if isinstance(value, Mapping):
-        return {str(name): _finite(each) for name, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(each) for each in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 class _Arrays:

@@ -17,7 +17,7 @@ from command_line import invoke
 from gossamer import FmuInfo
 from gossamer.cli import commands
 from gossamer.results import INVALID, Result, as_json, print_tables
-from gossamer.terminal import say
+from gossamer.working import say
 from gossamer_orchestrator import OrchestratorError, ProgressBar
 from rich.console import Console
 
