@@ -209,6 +209,7 @@ class DetectorAssessment(Result):
 
     result: AssessmentResults
     files: list[Path]
+    PLACE = "Files are in {}."
 
     @property
     def data(self) -> xr.Dataset:
@@ -243,10 +244,6 @@ class DetectorAssessment(Result):
 
         sizes = self.data.sizes
         return f"{counted(sizes['detector'], 'detector')} under {sizes['condition']} conditions."
-
-    def more(self) -> list[str]:
-        """Return where the files are."""
-        return [f"Files are in {self}."]
 
     def picture(self) -> bytes | None:
         """Return errors under each condition."""
@@ -317,15 +314,7 @@ def assess_detector(
 
         gossamer assess-detector --artifact out/detector/reflector.json
     """
-    from gossamer_models.assessment import (
-        AlwaysZero,
-        assess,
-        plan_of_square,
-        read_judge,
-        shipped_judges,
-        twin_judges,
-        write_assessment,
-    )
+    from gossamer_models import assessment
     from gossamer_models.assessment.plots import save_pictures
 
     from .pages.detectors import assessment_page
@@ -335,16 +324,16 @@ def assess_detector(
     with progress_bar("assessment") as bar:
         bar.update(text="reading detectors,")
         plan = judged_on(artifacts, setup, mesh, set)
-        structure = plan_of_square().membrane.structure if plan is None else plan.membrane.structure
-        judges = [read_judge(path, structure) for path in artifacts] if artifacts else shipped_judges()
-        twins = twin_judges(TWIN_RECORDS, TWIN_SIZES, None if plan is None else structure) if twin else ()
-        zero = AlwaysZero(zones=structure.n_zones)
+        structure = assessment.plan_of_square().membrane.structure if plan is None else plan.membrane.structure
+        judges = [assessment.read_judge(path, structure) for path in artifacts] if artifacts else assessment.shipped_judges()
+        twins = assessment.twin_judges(TWIN_RECORDS, TWIN_SIZES, None if plan is None else structure) if twin else ()
+        zero = assessment.AlwaysZero(zones=structure.n_zones)
 
         def report(what: str, done: int, total: int) -> None:
             bar.update(done, total, f"{what}: {done} of {total},")
 
-        found = assess([zero, *judges, *twins], folder / "simulations", cases=cases, plan=plan, report=report)
-        files = [*write_assessment(found, folder), *save_pictures(found, folder)]
+        found = assessment.assess([zero, *judges, *twins], folder / "simulations", cases=cases, plan=plan, report=report)
+        files = [*assessment.write_assessment(found, folder), *save_pictures(found, folder)]
     return DetectorAssessment(result=found, files=files + save_page(lambda: assessment_page(found, structure), folder))
 
 

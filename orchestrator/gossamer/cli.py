@@ -14,7 +14,7 @@ import shlex
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -100,8 +100,7 @@ def parsed(words: Sequence[str]) -> tuple[str, dict[str, Any], Callable[[], Any]
         It has an unknown command, or options that are unknown, missing or of another type.
     """
     words = _common_behind(words)
-    app = _app(words[0] if words else "")
-    called, bound, _ = app.parse_args(words, print_error=False, exit_on_error=False)
+    called, bound, _ = _app(words[0] if words else "").parse_args(words, print_error=False, exit_on_error=False)
     if called.__name__ not in COMMANDS:
         return "", {}, lambda: called(*bound.args, **bound.kwargs)
     return called.__name__, dict(bound.arguments), None
@@ -121,19 +120,13 @@ def _run(words: list[str]) -> int:
     TERMINAL.quiet, TERMINAL.talks, TERMINAL.typed = bool(common["quiet"]), True, words
     try:
         with _logging(bool(common["verbose"]), common["log_file"]):
-            found = COMMANDS[name](**given)
-            return _answer(found, bool(common["json"]))
+            return _answer(COMMANDS[name](**given), bool(common["json"]))
     except ArgumentError as error:
         print(error, file=sys.stderr)
         return USAGE
-    except OrchestratorError as error:
-        for text in (str(error), *getattr(error, "__notes__", ())):
-            print(text, file=sys.stderr)
-        return 1
-    except KeyboardInterrupt as error:
-        for text in (str(error) or "Interrupted.", *getattr(error, "__notes__", ())):
-            print(text, file=sys.stderr)
-        return INTERRUPTED
+    except (OrchestratorError, KeyboardInterrupt) as error:
+        print(str(error) or "Interrupted.", *getattr(error, "__notes__", ()), sep="\n", file=sys.stderr)
+        return 1 if isinstance(error, OrchestratorError) else INTERRUPTED
 
 
 def _answer(found: Any, wants_json: bool) -> int:  # noqa: ANN401
@@ -201,7 +194,7 @@ def _app(wanted: str) -> cyclopts.App:
         call.__name__ = name
         text = inspect.getdoc(function) or ""
         if flag == wanted:
-            call.__signature__ = _signature(function)  # type: ignore[attr-defined]
+            call.__signature__, call.__doc__ = _signature(function), text  # type: ignore[attr-defined]
             text = _help(text)
         app.command(call, name=flag, help=text if flag == wanted else text.partition("\n")[0], sort_key=place)
     return app
@@ -222,9 +215,8 @@ def _help(text: str) -> str:
 
 def _signature(function: Callable[..., Any]) -> inspect.Signature:
     """Return the arguments and options of a command as cyclopts reads them."""
-    about = _explained(function)
     group = cyclopts.Group("Options of all commands", sort_key=100)
-    listed = [_parameter(each, about[each.name]) for each in declared(function).values()]
+    listed = [_parameter(each) for each in declared(function).values()]
     for name, (flags, kind, text) in COMMON.items():
         how = cyclopts.Parameter(name=flags, help=text, group=group, negative=(), show_default=False, allow_repeating=True)
         hint, default = Annotated[kind | None, how], None
@@ -232,15 +224,7 @@ def _signature(function: Callable[..., Any]) -> inspect.Signature:
     return inspect.Signature(listed)
 
 
-def _explained(owner: Any) -> dict[str, str]:  # noqa: ANN401
-    """Return what the docstring of a function or class says of each parameter or attribute."""
-    from docstring_parser import DocstringStyle, parse
-
-    found = parse(inspect.getdoc(owner) or "", DocstringStyle.NUMPYDOC)
-    return {each.arg_name: " ".join((each.description or "").split()) for each in found.params}
-
-
-def _parameter(argument: Argument, text: str) -> inspect.Parameter:
+def _parameter(argument: Argument) -> inspect.Parameter:
     """Return an argument as cyclopts reads it: the one place that knows how Python's types are written in a shell."""
     kinds, written = argument.kinds, argument.written
     kind: Any = next((each for each in (bool, int, float) if each in kinds), str)
@@ -254,7 +238,6 @@ def _parameter(argument: Argument, text: str) -> inspect.Parameter:
     title = (inspect.getdoc(argument.owner) or "").partition(".")[0] if argument.owner else ""
     panel = cyclopts.Group(title, sort_key=50) if title else "Parameters" if argument.is_option else "Arguments"
     how = cyclopts.Parameter(
-        help=text,
         metavar=written.placeholder,
         negative=None if kind is bool and argument.default is not False else (),
         converter=None if kind is bool else partial(_value, kind),
@@ -292,29 +275,23 @@ def _value(kind: Any, _hint: Any, tokens: Sequence[cyclopts.Token]) -> Any:  # n
 def _logging(verbose: bool, file: Path | None) -> Iterator[None]:
     """Send log messages to stderr, and to a file if there is one, inside the ``with`` block."""
     root, begun = logging.getLogger(), time.perf_counter()
-    handlers: list[logging.Handler] = [_Stderr(verbose)]
-    if file is not None:
-        handlers.append(_open_log(file))
-    levels = {name: logging.getLogger(name).level for name in OURS}
-    for handler in handlers:
-        root.addHandler(handler)
-    for name in OURS:
-        logging.getLogger(name).setLevel(logging.INFO if verbose or file else logging.WARNING)
-    try:
-        if _log.isEnabledFor(logging.INFO):
-            typed = shlex.join(TERMINAL.typed or ())
-            _log.info("gossamer %s, Python %s: %s", _version(), sys.version.split()[0], typed)
-        yield
-        _log.info("done in %.1f s", time.perf_counter() - begun)
-    except BaseException as error:
-        _log_of_errors.info("ended after %.1f s: %s: %s", time.perf_counter() - begun, type(error).__name__, error)
-        raise
-    finally:
-        for handler in handlers:
-            root.removeHandler(handler)
-            handler.close()
-        for name, level in levels.items():
-            logging.getLogger(name).setLevel(level)
+    with ExitStack() as ending:
+        for handler in (_Stderr(verbose), *([] if file is None else [_open_log(file)])):
+            root.addHandler(handler)
+            ending.callback(handler.close)
+            ending.callback(root.removeHandler, handler)
+        for logger in map(logging.getLogger, OURS):
+            ending.callback(logger.setLevel, logger.level)
+            logger.setLevel(logging.INFO if verbose or file else logging.WARNING)
+        try:
+            if _log.isEnabledFor(logging.INFO):
+                typed = shlex.join(TERMINAL.typed or ())
+                _log.info("gossamer %s, Python %s: %s", _version(), sys.version.split()[0], typed)
+            yield
+            _log.info("done in %.1f s", time.perf_counter() - begun)
+        except BaseException as error:
+            _log_of_errors.info("ended after %.1f s: %s: %s", time.perf_counter() - begun, type(error).__name__, error)
+            raise
 
 
 def _open_log(file: Path) -> logging.Handler:

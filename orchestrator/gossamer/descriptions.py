@@ -22,6 +22,8 @@ from gossamer_orchestrator.scenario.schema import ScenarioTable
 from gossamer_orchestrator.scenario.source import Location, Problems, Source, explain, find_scenario, parse_toml, read_text
 from pydantic import ValidationError, create_model
 
+from .arguments import AnyPath
+
 T = TypeVar("T")
 
 VECTORS = ("prestress", "direction", "displacement", "stretch", "centre", "point", "axis")  # arrays of three numbers
@@ -115,29 +117,29 @@ def load_campaign(path: Path) -> tuple[CampaignPlan, Source]:
         table = content.get("membrane")
         if isinstance(table, dict) and isinstance(name := table.get("setup"), str):
             beside = path.parent / name
-            table["setup"] = asdict(setup_of(beside if beside.is_file() else find_scenario(name, "membrane")))
+            table["setup"] = asdict(setup_of(beside if beside.is_file() else name))
 
     found, source = read_description(path, "campaign", CampaignPlan, OF_A_CAMPAIGN, complete)
     if found.chain is not None and found.chain.artifact is not None:
-        artifact = str((path.parent / found.chain.artifact).resolve())
-        found = replace(found, chain=replace(found.chain, artifact=artifact))
+        found = replace(found, chain=replace(found.chain, artifact=str((path.parent / found.chain.artifact).resolve())))
     return found, source
 
 
-def setup_of(path: Path, mesh: Path | None = None) -> Setup:
+def setup_of(setup: AnyPath, mesh: AnyPath | None = None) -> Setup:
     """Read and check a setup, see ``load_structure``; its ``mesh`` is the whole path of the file."""
-    setup = load_structure(path, mesh).setup
-    return replace(setup, mesh=str((mesh or path.parent / setup.mesh).resolve()))
+    path = find_scenario(str(setup), "membrane")
+    found = load_structure(path, mesh).setup
+    return replace(found, mesh=str(Path(mesh or path.parent / found.mesh).resolve()))
 
 
-def load_structure(path: Path, mesh: Path | None = None, *, expose: bool = False) -> Structure:
+def load_structure(setup: AnyPath, mesh: AnyPath | None = None, *, expose: bool = False) -> Structure:
     """Read and check a setup and its mesh; warn of numbers that no membrane has, as from a wrong unit.
 
     Parameters
     ----------
-    path : Path
-        A TOML file.
-    mesh : Path, optional
+    setup : path
+        A TOML file, or the name of one that is shipped.
+    mesh : path, optional
         Mesh file, in place of the setup's own.
     expose : bool
         Whether the displacement of every node is a variable, whatever the setup says.
@@ -153,15 +155,16 @@ def load_structure(path: Path, mesh: Path | None = None, *, expose: bool = False
     DataError
         The mesh cannot be used.
     """
-    setup, source = read_description(path, "setup", Setup, TABLES)
-    if mesh is None and not setup.mesh:
+    path = find_scenario(str(setup), "membrane")
+    found, source = read_description(path, "setup", Setup, TABLES)
+    if mesh is None and not found.mesh:
         msg = f'{path.name} names no mesh. Write mesh = "sail.msh" at its top, or name the file with {option("mesh")}.'
         raise ScenarioError(msg)
-    _warn_of_units(setup, source)
-    if expose:
-        setup = replace(setup, expose=True)
+    _warn_of_units(found, source)
+    found = replace(found, expose=expose or found.expose)
     with locating(source):
-        return make_structure(setup, surface_mesh(read_mesh(mesh or path.parent / setup.mesh, setup.scale), setup.order))
+        file = Path(mesh or path.parent / found.mesh)
+        return make_structure(found, surface_mesh(read_mesh(file, found.scale), found.order))
 
 
 def _warn_of_units(setup: Setup, source: Source) -> None:

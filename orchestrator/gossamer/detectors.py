@@ -47,6 +47,7 @@ class Campaign(Saved):
     title: str
     summary: Summary
     data: xr.Dataset
+    PLACE = "The store is {}."
 
     @property
     def sentence(self) -> str:
@@ -58,12 +59,7 @@ class Campaign(Saved):
         from gossamer_orchestrator.words import counted
 
         failed = counted(self.summary.failed, "case")
-        text = f"{failed} broke: 'failed' is 1 there, and the histories are not a number."
-        return [text] if self.summary.failed else []
-
-    def more(self) -> list[str]:
-        """Return how many cases broke, and where the store is."""
-        return [*self.doubts(), f"The store is {self}."]
+        return [f"{failed} broke: 'failed' is 1 there, and the histories are not a number."] * bool(self.summary.failed)
 
     @property
     def size(self) -> int:
@@ -176,6 +172,7 @@ class TrainedDetector(Saved):
 
     artifact: PosteriorArtifact | DetectorArtifact
     held_out: dict[str, dict[str, float]]
+    PLACE = "The artifact is {}."
 
     @property
     def data(self) -> xr.Dataset:
@@ -187,10 +184,6 @@ class TrainedDetector(Saved):
         """The mean error."""
         first = next(each for each in self.held_out if each != "always 0")
         return f"The mean absolute error over all zones is {self.held_out[first]['all zones']:.2g} % damage ({first})."
-
-    def more(self) -> list[str]:
-        """Return where the artifact is."""
-        return [f"The artifact is {self.path}."]
 
     def tables(self) -> list[TableText]:
         """Return the errors."""

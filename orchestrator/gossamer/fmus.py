@@ -160,13 +160,9 @@ def build(
     keep_inputs([artifact, setup, mesh], [Path(out) / f"{name}.fmu" for name in wanted])
     structure = None
     if setup is not None:
-        from gossamer_orchestrator.scenario.source import find_scenario
-
         from .descriptions import load_structure
 
-        structure = load_structure(
-            find_scenario(str(setup), "membrane"), None if mesh is None else Path(mesh), expose=expose
-        )
+        structure = load_structure(setup, mesh, expose=expose)
         for remark in structure.remarks:
             say(remark)
     elif mesh is not None or expose:

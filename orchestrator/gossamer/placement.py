@@ -12,7 +12,7 @@ from gossamer_orchestrator.errors import OrchestratorError
 
 from .arguments import Count, CountOrNone, File, Folder, NamesWithCommas, NotNegative, Values, assigned, command, names_of
 from .records import numbers_by_name
-from .results import Saved, first_of
+from .results import Saved, first_of, zone_coordinates
 from .working import keep_inputs, progress_bar
 
 if TYPE_CHECKING:
@@ -52,31 +52,18 @@ class SensorPlacement(Saved):
         """``a90`` and ``deviation`` [1] by ``placement``, "own" and "chosen", and ``zone`` with its ``name``; ``point`` [m]
         and ``direction`` [1] of each chosen ``sensor`` by ``axis``.
         """  # noqa: D205
-        import numpy as np
         import xarray as xr
 
-        placements, sensors = self.placements, self.result.chosen.sensors
-        names = list(self.result.structure.zone_names)
-        ratio = {"units": "1"}
-        by_zone = {
-            name: (("placement", "zone"), [getattr(each, name) for each in placements.values()], ratio)
+        found, placements, sensors = self.result, self.placements, self.result.chosen.sensors
+        values: dict[str, Any] = {
+            name: (("placement", "zone"), [getattr(each, name) for each in placements.values()], {"units": "1"})
             for name in ("a90", "deviation")
         }
-        return xr.Dataset(
-            by_zone
-            | {
-                "point": (("sensor", "axis"), [each.point for each in sensors], {"units": "m"}),
-                "direction": (("sensor", "axis"), [each.direction for each in sensors], ratio),
-            },
-            coords={
-                "placement": list(placements),
-                "zone": np.arange(1, len(names) + 1),
-                "name": ("zone", names),
-                "sensor": np.arange(1, len(sensors) + 1),
-                "axis": list("xyz"),
-            },
-            attrs={"noise": self.result.noise, "samples": self.result.samples},
-        )
+        for name, unit in (("point", "m"), ("direction", "1")):
+            values[name] = (("sensor", "axis"), [getattr(each, name) for each in sensors], {"units": unit})
+        coords = {"placement": list(placements), "sensor": range(1, len(sensors) + 1), "axis": list("xyz")}
+        coords |= zone_coordinates(found.structure.zone_names)
+        return xr.Dataset(values, coords, {"noise": found.noise, "samples": found.samples})
 
     @property
     def lost(self) -> dict[str, list[int]]:
@@ -97,9 +84,10 @@ class SensorPlacement(Saved):
         if own is None:
             return f"{worst}."
         worst += f"; with the membrane's own {len(own.sensors)} it has {damage_text(own.a90.max())}."
+        if chosen.a90.max() < own.a90.max():
+            return worst
         many = counted(len(chosen.sensors), "sensor")
-        none = f"No placement of {many} was found that is better than the membrane's own. "
-        return f"{none * bool(chosen.a90.max() >= own.a90.max())}{worst}"
+        return f"No placement of {many} was found that is better than the membrane's own. {worst}"
 
     def more(self) -> list[str]:
         """Return what a90 is, which zones are not found, and whether the check agrees."""
@@ -219,11 +207,8 @@ class SensorPlacement(Saved):
             }
             for name, p in self.placements.items()
         }
-        zones = found.structure.zone_names
-        return {"files": self.files, "zones": zones, **placements, "noise": found.noise, "candidates": found.candidates} | {
-            "curve": found.curve,
-            "unseen": found.unseen,
-        }
+        about = {name: getattr(found, name) for name in ("noise", "candidates", "curve", "unseen")}
+        return {"files": self.files, "zones": found.structure.zone_names, **placements, **about}
 
 
 @command
@@ -310,7 +295,6 @@ def place_sensors(
     from gossamer_models.placement import place_sensors as place
     from gossamer_models.placement.placing import UNKNOWN
     from gossamer_models.twin import read_loads
-    from gossamer_orchestrator.scenario.source import find_scenario
 
     from .descriptions import load_structure
 
@@ -327,7 +311,7 @@ def place_sensors(
         step, stop = STEP if step is None else step, STOP if stop is None else stop
         acting = {name: getattr(p, name) for name in ("pressure_amplitude", "pressure_frequency", "pressure_phase")}
     else:
-        structure = load_structure(find_scenario(str(setup), "membrane"), None if mesh is None else Path(mesh))
+        structure = load_structure(setup, mesh)
     if noise is None:
         noise = NOISE if setup is None else GAUGE_NOISE
 
@@ -358,5 +342,4 @@ def place_sensors(
     save_picture(found, picture)
     with replacing(sensors) as unfinished:
         unfinished.write_text(sensors_text(found), encoding="utf-8")
-    placed = SensorPlacement(files=[table, picture, sensors], result=found)
-    return placed.with_page(folder)
+    return SensorPlacement(files=[table, picture, sensors], result=found).with_page(folder)

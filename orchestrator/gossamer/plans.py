@@ -31,11 +31,11 @@ def given(plan: Mapping[str, object]) -> bool:
 
 def planned(source: AnyPath | None, window: float | None, **plan: Unpack[PlanOptions]) -> tuple[CampaignPlan, Source, str]:
     """Return the campaign of a file, a scenario or a setup, the text that its mistakes are in, and its name."""
-    from gossamer_models.campaign import Distribution, MeasurementNoise, campaign_of_setup
+    from gossamer_models.campaign import Distribution, MeasurementNoise, Mesh, campaign_of_setup
     from gossamer_models.campaign.defaults import CASES, NOISE
     from gossamer_orchestrator.scenario.source import Source, find_scenario
 
-    from .descriptions import load_campaign
+    from .descriptions import load_campaign, setup_of
 
     setup, cases, noise = plan.get("setup"), plan.get("cases"), plan.get("noise")
     constants = numbers_by_name(assigned(plan.get("set")), EXAMPLE)
@@ -45,7 +45,7 @@ def planned(source: AnyPath | None, window: float | None, **plan: Unpack[PlanOpt
         if source is not None and not run:
             msg = f"{source} says what is simulated, and so does {option('setup')}. Leave one of them out."
             raise OrchestratorError(msg)
-        membrane = _on_a_mesh(file, plan.get("mesh"))
+        membrane = Mesh(setup=setup_of(file, plan.get("mesh")))
         if run:
             found, length = membrane_of(find_scenario(str(source)), membrane)
             membrane, window = found, window or length
@@ -131,14 +131,15 @@ def judged_on(
     from gossamer_models.campaign import Mesh, campaign_of_setup
     from gossamer_models.detector import PosteriorArtifact, read_detector
     from gossamer_models.membrane import read_structure
-    from gossamer_orchestrator.scenario.source import find_scenario
+
+    from .descriptions import setup_of
 
     if setup is not None and not artifacts:
         msg = f"no detector that ships is trained for a setup. Train one, and name its file with {option('artifact')}."
         raise OrchestratorError(msg)
     trained = read_detector(artifacts[0]) if artifacts else PosteriorArtifact.default()
     if setup is not None:
-        membrane = _on_a_mesh(find_scenario(str(setup), "membrane"), mesh)
+        membrane = Mesh(setup=setup_of(setup, mesh))
     elif mesh is not None or (constants and not trained.structure):
         msg = f"{option('mesh')} and {option('set')} need a setup. Name its file with {option('setup')}."
         raise OrchestratorError(msg)
@@ -150,16 +151,6 @@ def judged_on(
         msg = f"{artifacts[0]} is a detector of the thesis, for its square alone. Leave out {option('setup')}."
         raise OrchestratorError(msg)
     trained.require_structure(membrane.structure, str(artifacts[0]))
-    values = trained.parameters | numbers_by_name(assigned(constants), EXAMPLE)
-    membrane = replace(membrane, parameters=values)
+    membrane = replace(membrane, parameters=trained.parameters | numbers_by_name(assigned(constants), EXAMPLE))
     plan = campaign_of_setup(membrane, cases=1, noise=trained.noise, window=trained.window_length)
     return replace(plan, step=trained.sampling_step, stop=trained.samples * trained.sampling_step)
-
-
-def _on_a_mesh(file: Path, mesh: AnyPath | None) -> Mesh:
-    """Return the membrane of a setup's file."""
-    from gossamer_models.campaign import Mesh
-
-    from .descriptions import setup_of
-
-    return Mesh(setup=setup_of(file, None if mesh is None else Path(mesh)))

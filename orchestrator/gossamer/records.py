@@ -104,8 +104,7 @@ def find_record(path: Path, options: TwinOptions, stop: float | None = None) -> 
         if not math.isfinite(stop):
             msg = f"{option('stop')} is {stop:g}. Write a positive number."
             raise OrchestratorError(msg)
-        samples = max(0, round(stop / found.record.step))
-        found = replace(found, record=found.record.first(samples))
+        found = replace(found, record=found.record.first(max(0, round(stop / found.record.step))))
     return found
 
 
@@ -148,8 +147,6 @@ def find_in_results(
 
 def _structure(options: TwinOptions) -> Structure | None:
     """Return the membrane that is named."""
-    from gossamer_orchestrator.scenario.source import find_scenario
-
     from .descriptions import load_structure
 
     if options["setup"] is None:
@@ -158,7 +155,7 @@ def _structure(options: TwinOptions) -> Structure | None:
         sizes = f"{option('elements_per_side')} and {option('order')}"
         msg = f"{sizes} are of the square, and a setup has its own. Leave them out."
         raise OrchestratorError(msg)
-    return load_structure(find_scenario(str(options["setup"]), "membrane"))
+    return load_structure(options["setup"])
 
 
 def beside(record: Path, name: str) -> Path:

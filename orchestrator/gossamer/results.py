@@ -39,6 +39,7 @@ class Result:
 
     files: Sequence[Path] = ()
     TABLES: ClassVar[Literal["stdout", "stderr", "told"]] = "stderr"  # where the command line prints them, if not yet told
+    PLACE: ClassVar[str] = ""  # what a notebook shows last of a result that is a path, which stands for {}
 
     @property
     def page(self) -> Path | None:
@@ -66,7 +67,7 @@ class Result:
 
     def more(self) -> list[str]:
         """Return what a notebook shows below the first sentence."""
-        return [*self.lines(), *self.doubts()]
+        return [*self.lines(), *self.doubts(), *[self.PLACE.format(self)] * bool(self.PLACE)]
 
     def hints(self) -> list[str]:
         """Return what to type next, for the command line."""

@@ -47,6 +47,7 @@ class Sweep(Result):
     ended: list[str]
     data: xr.Dataset | None
     files: list[Path]
+    PLACE = "Files are in {}."
 
     @property
     def finished(self) -> list[bool]:
@@ -64,19 +65,14 @@ class Sweep(Result):
         """How many cases are finished."""
         return f"{sum(self.finished)} of {len(self.cases)} cases are finished."
 
-    def more(self) -> list[str]:
-        """Return where the files are."""
-        return [f"Files are in {self.folder}."]
-
     def __fspath__(self) -> str:
         return str(self.folder)
 
     def tables(self) -> list[TableText]:
         """Return the first cases and those that failed."""
-        listed = zip(self.cases, self.ended, self.finished, strict=True)
         rows = [
             (str(case.number), *map(str, case.values.values()), text)
-            for case, text, finished in listed
+            for case, text, finished in zip(self.cases, self.ended, self.finished, strict=True)
             if case.number <= MOST_CASES or not finished
         ]
         some = f"the first {MOST_CASES} of {len(self.cases)} cases, and those that failed"
@@ -149,32 +145,23 @@ def sweep(
     """
     from gossamer_orchestrator.results.places import with_places
     from gossamer_orchestrator.results.report.cases import open_cases, save_cases
-    from gossamer_orchestrator.run.sweep import (
-        TABLE,
-        combine,
-        is_finished,
-        make_cases,
-        on_cores,
-        read_ranges,
-        run_sweep,
-        write_table,
-    )
+    from gossamer_orchestrator.run import sweep as sweeps
     from gossamer_orchestrator.scenario.source import find_scenario
 
     from .pages.sweep import sweep_page
 
     path = find_scenario(str(scenario))
     folder = Path("out") / f"{path.stem}_sweep" if out is None else Path(out)
-    keep_inputs([path], [folder / TABLE])
-    cases = make_cases(read_ranges(assigned(set, many=True)))
+    keep_inputs([path], [folder / sweeps.TABLE])
+    cases = sweeps.make_cases(sweeps.read_ranges(assigned(set, many=True)))
     times = [f"--{name}={options[name]!r}" for name in ("step", "stop") if options[name] is not None]
     fmus = str(Path(options["fmus"]).absolute())
     arguments = ["run", str(path.absolute()), "--fmus", fmus, "--no-pictures", "--no-csv", *times]
-    spread = partial(on_cores, workers=workers) if scheduler is None else partial(_on_cluster, scheduler=scheduler)
+    spread = partial(sweeps.on_cores, workers=workers) if scheduler is None else partial(_on_cluster, scheduler=scheduler)
     bar = progress_bar(path.stem)
     try:
         with bar:
-            ended = run_sweep(
+            ended = sweeps.run_sweep(
                 cases,
                 arguments,
                 folder,
@@ -184,8 +171,8 @@ def sweep(
     except KeyboardInterrupt:
         msg = f"Interrupted; finished cases are kept in {folder}. Run the same command again to go on."
         raise KeyboardInterrupt(msg) from None
-    files = [write_table(cases, ended, folder)]
-    if (store := combine(cases, folder)) is not None:
+    files = [sweeps.write_table(cases, ended, folder)]
+    if (store := sweeps.combine(cases, folder)) is not None:
         files.append(store)
         if pictures:
             varied = [name for name in cases[0].values if len({str(case.values[name]) for case in cases}) > 1]
@@ -193,7 +180,7 @@ def sweep(
     data = None if store is None else open_cases(store)
     if pictures:
         files += save_page(lambda: sweep_page(path.stem, cases, ended, data, folder, plot), folder)
-    first = next((folder / case.name for case, text in zip(cases, ended, strict=True) if is_finished(text)), None)
+    first = next((folder / case.name for case, text in zip(cases, ended, strict=True) if sweeps.is_finished(text)), None)
     data = None if data is None else with_places(data, first)
     return Sweep(folder=folder, cases=cases, ended=ended, data=data, files=files)
 

@@ -10,7 +10,7 @@ import base64
 import gzip
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -79,10 +79,8 @@ def write_page(page: Page, path: Path) -> Path:
     ResultsError
         The file cannot be written; a page that was there is as it was.
     """
-    charts = [
-        replace(chart, **{name: unbroken(getattr(chart, name)) for name in ("title", "note", "result")})
-        for chart in page.charts
-    ]
+    words = ("title", "note", "result")
+    charts = [vars(chart) | {name: unbroken(getattr(chart, name)) for name in words} for chart in page.charts]
     content = as_json({"charts": charts, **page.content}, _Arrays())
     text = Template((ASSETS / "page.html").read_text(encoding="utf-8")).substitute(
         title=written(page.title),
