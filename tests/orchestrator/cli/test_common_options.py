@@ -16,8 +16,9 @@ import xarray as xr
 from command_line import invoke
 from gossamer import FmuInfo
 from gossamer.cli import commands
-from gossamer.results import INVALID, Result, as_json, print_tables
+from gossamer.results import INVALID, Result, print_tables
 from gossamer.working import say
+from gossamer_files import as_json
 from gossamer_orchestrator import OrchestratorError, ProgressBar
 from rich.console import Console
 
