@@ -13,12 +13,12 @@ frame that falls freely.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 
 from .step_model import StepModel
-from .variables import Results, Values, array, input_, local, output, parameter
+from .variables import Results, Values, array, input_, local, output, pack, parameter, unpack
 
 _INERTIA, _QUATERNION = ("xx", "yy", "zz", "xy", "xz", "yz"), ("scalar", "x", "y", "z")
 _BODY, _INERTIAL = "in body axes", "in inertial axes"
@@ -215,24 +215,20 @@ def advance(motion: Motion, body: Body, W: ca.MX, tau: ca.MX, J: ca.MX, h: ca.MX
     """
 
     def rate(y: ca.MX) -> ca.MX:
-        now = _motion(y)
+        now = unpack(motion, y)
         q, R, w = now.q, rotation(now.q), body.angular_velocity(now)
         turning = ca.vertcat(-ca.dot(q[1:], w), q[0] * w + ca.cross(q[1:], w)) / 2.0
         push = ca.mtimes(R, W[:3]) + J[:3] / h
         torque = ca.mtimes(R, W[3:]) + J[3:] / h - ca.cross(ca.mtimes(R, body.c), push)
         return ca.vertcat(now.P / body.M, push, torque, turning, tau)
 
-    y = ca.vertcat(motion.X, motion.P, motion.L, motion.q, motion.l)
+    y = pack(motion)
     k1 = rate(y)
     k2 = rate(y + h / 2.0 * k1)
     k3 = rate(y + h / 2.0 * k2)
     k4 = rate(y + h * k3)
-    end = _motion(y + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4))
-    return Motion(end.X, end.P, end.L, end.q / ca.norm_2(end.q), end.l)
-
-
-def _motion(y: ca.MX) -> Motion:
-    return Motion(*ca.vertsplit(y, [0, 3, 6, 9, 13, 16]))
+    end = unpack(motion, y + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4))
+    return replace(end, q=end.q / ca.norm_2(end.q))
 
 
 @dataclass(frozen=True, slots=True)

@@ -232,15 +232,15 @@ def identify_files(
             chosen = f"The ridge {fit.settings.ridge:g} is a mean of those that best predict the later parts of training."
             doubted.insert(0, chosen)
         stated = _stated(fit)
-    errors, recovered = fit.errors, tuple[Recovered, ...]()
+    recovered: tuple[Recovered, ...] = ()
     if isinstance(fit, PreisachFit):
         progress("recovering the strain")
         recovered = tuple(recover_by_fit(fit, record) for record in fit.records)
-        strains = [found.strain for found in recovered]
-        errors = stretch_errors(fit.records, fit.predicted, fit.train, fit.rest_resistance, strains)
         parts = zip(fit.records, recovered, map(judged_rows, fit.train), strict=True)
         doubted += filter(None, (clipped_strain(record, found, fit.full_scale, rows) for record, found, rows in parts))
-    table = standings(fit.records, fit.train, fit.predicted, [found.strain for found in recovered] or None)
+    strains = [found.strain for found in recovered] or None
+    errors = stretch_errors(fit.records, fit.predicted, fit.train, fit.rest_resistance, strains)
+    table = standings(fit.records, fit.train, fit.predicted, strains)
     doubted += defeats(table)
     provenance = {
         "data": ", ".join(record.name for record in records),

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from .element_loop import Tables  # stays behind when this file travels
 
 FORMAT_VERSION = 1
+_KEPT = ("name", "description", "step_limit", "restarted", "residual", "advice", "provenance")  # as they are, in a card
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,22 +215,12 @@ class StepModel:
     @cached_property
     def card(self) -> str:
         """The table and everything else but the functions, whose digests it holds, as JSON."""
-        content = {
-            "schema": "gossamer.step_model",
-            "version": FORMAT_VERSION,
-            "name": self.name,
-            "description": self.description,
-            "step_limit": self.step_limit,
-            "restarted": self.restarted,
-            "residual": self.residual,
-            "advice": self.advice,
-            "provenance": self.provenance,
-            "sha256": {name: _digest(function.serialize()) for name, function in self._functions.items()},
-            "variables": [asdict(v) for v in self.variables],
-        }
+        digests = {name: _digest(function.serialize()) for name, function in self._functions.items()}
         if self.tables is not None:
-            content["sha256"]["tables"] = hashlib.sha256(self.tables.content()).hexdigest()  # type: ignore[index]
-        return json.dumps(content, indent=1)
+            digests["tables"] = hashlib.sha256(self.tables.content()).hexdigest()
+        kind = {"schema": "gossamer.step_model", "version": FORMAT_VERSION}
+        content = kind | {name: getattr(self, name) for name in _KEPT}
+        return json.dumps(content | {"sha256": digests, "variables": [asdict(v) for v in self.variables]}, indent=1)
 
     @cached_property
     def digest(self) -> str:
@@ -269,18 +260,8 @@ class StepModel:
                     msg = f"{folder / name}.casadi is damaged: its SHA-256 is not the one in model.json. Build it again."
                     raise ArtifactError(msg)
             init, step = (ca.Function.deserialize(text) for text in texts.values())
-            return cls(
-                name=card["name"],
-                description=card["description"],
-                variables=tuple(Variable(**v) for v in card["variables"]),
-                init=init,
-                step=step,
-                step_limit=card["step_limit"],
-                restarted=card["restarted"],
-                residual=card["residual"],
-                advice=card["advice"],
-                provenance=card["provenance"],
-            )
+            variables = tuple(Variable(**v) for v in card["variables"])
+            return cls(variables=variables, init=init, step=step, **{name: card[name] for name in _KEPT})
         except ArtifactError:
             raise
         except (OSError, ValueError, KeyError, TypeError, AttributeError, RuntimeError) as error:

@@ -77,8 +77,8 @@ class Stepper:
         self.warn: Callable[[str], None] = logger.warning
         self.values, self.x = _read_only(self._values), _read_only(self._x)
         u, p = self._values[self._u], self._values[self._p]
-        self._run_init = _prepare(model.init, (u, p), (self._x_next, self._y_next))
-        self._run_step = _prepare(model.step, (self._x_work, u, p, self._h), (self._x_next, self._y_next))
+        self._run_init = bind(model.init, (u, p), (self._x_next, self._y_next))
+        self._run_step = bind(model.step, (self._x_work, u, p, self._h), (self._x_next, self._y_next))
         self.reset()
         for name, value in start.items():
             self.set(name, value)
@@ -346,7 +346,7 @@ def _read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:
     return view
 
 
-def _prepare(
+def bind(
     function: ca.Function, arguments: Iterable[NDArray[np.float64]], results: Iterable[NDArray[np.float64]]
 ) -> ca.FunctionBuffer:
     """Bind arrays to a CasADi function; the returned object evaluates it when called."""

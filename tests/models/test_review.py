@@ -63,7 +63,7 @@ def test_a_sensor_on_a_record_of_its_own_making_errs_by_rounding(measured, store
     for rows in judged.stretches().values():
         assert judged.forward(rows) < 1e-9
         assert judged.strain(rows, judged.recovered["inverse"].strain) < 1e-6
-    assert not judged.fitted.any()
+    assert not judged.fitted
     assert judged.sentences() == ()
 
 

@@ -16,9 +16,10 @@ from gossamer_models.replay import predict_resistance
 from gossamer_models.sensor import SensorArtifact, default_artifact, sensor_model
 from gossamer_models.sensor.fit import PreisachSettings, fit_preisach
 from gossamer_models.sensor.fit.doubts import determination, doubts, parameters, undetermined
-from gossamer_models.sensor.fit.parameters import modal_field, reversible_beyond, wave_numbers
+from gossamer_models.sensor.fit.parameters import wave_numbers
 from gossamer_models.sensor.fit.regression import relaxed, switched
 from gossamer_models.sensor.fit.solve import RIDGES, between, choose_ridge
+from gossamer_models.sensor.fit.weights import modal_field, reversible_beyond
 from gossamer_models.sensor.law import ModeBank
 from oracles.preisach import drive, start
 from oracles.records import QUICK, everything, fit_like, record, zigzag

@@ -200,16 +200,11 @@ def _sizes(
         "LIMIT_PARAMETER": limit if 0 <= limit < n_p else -1,
         "LIMIT_INPUT": limit - n_p if n_p <= limit < n_p + n_u else -1,
         "LIMIT_RESULT": n_y - 1 if limit >= n_p + n_u else -1,
-        "SIZE_ARG": max(f.sz_arg() for f in functions),
-        "SIZE_RES": max(f.sz_res() for f in functions),
-        "SIZE_IW": max(1, *(f.sz_iw() for f in functions)),
-        "SIZE_W": max(1, *(f.sz_w() for f in functions)),
-        "MOST_ARG": max([1, *(f.sz_arg() for f in elements)]),
-        "MOST_RES": max([1, *(f.sz_res() for f in elements)]),
-        "MOST_IW": max([1, *(f.sz_iw() for f in elements)]),
-        "MOST_W": max([1, *(f.sz_w() for f in elements)]),
         "MOST_REDUCTIONS": max([1, *(len(loop.reductions) for loop in loops)]),
     }
+    for begin, each in (("SIZE", functions), ("MOST", elements)):
+        for what in ("ARG", "RES", "IW", "W"):
+            sizes[f"{begin}_{what}"] = max([1, *(getattr(f, f"sz_{what.lower()}")() for f in each)])
     return "".join(f"#define {name} {value}\n" for name, value in sizes.items())
 
 

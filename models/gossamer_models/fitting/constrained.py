@@ -21,6 +21,7 @@ from scipy.optimize import nnls
 
 from ..arrays import Matrix, Rows, Vector
 from ..errors import ConvergenceError
+from ..stepper import bind
 
 ROUNDING = 1e-12  # tolerated violation of a constraint, relative to its size or 1
 
@@ -268,10 +269,7 @@ class _Fast:
     def __init__(self, function: ca.Function, *parts: NDArray[np.int_]) -> None:
         self._parts = [(part, np.zeros(part.size)) for part in parts]
         self._result = np.zeros(function.size_out(0), order="F")
-        self._buffer, self._run = function.buffer()
-        for i, (_, values) in enumerate(self._parts):
-            self._buffer.set_arg(i, values.data)
-        self._buffer.set_res(0, self._result.reshape(-1, order="F").data)
+        self._run = bind(function, [values for _, values in self._parts], [self._result.reshape(-1, order="F")])
 
     def __call__(self, x: Vector) -> Matrix:
         """Return the result at x; the next call overwrites it."""

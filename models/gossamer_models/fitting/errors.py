@@ -106,6 +106,33 @@ def stretch_errors(
     )
 
 
+@dataclass(frozen=True, kw_only=True)
+class SensorFit:
+    """What every fit of a sensor gives.
+
+    Attributes
+    ----------
+    records : tuple of Record
+        Fitted records.
+    train : tuple of ndarray of bool
+        Samples of every record that were fitted.
+    predicted : tuple of ndarray
+        Resistance [ohm] at the samples of every record.
+    rest_resistance : float
+        Resistance [ohm] of the unstrained sensor at rest, given or fitted.
+    """
+
+    records: tuple[Record, ...]
+    train: tuple[Rows, ...]
+    predicted: tuple[Vector, ...]
+    rest_resistance: float
+
+    @property
+    def errors(self) -> tuple[Errors, ...]:
+        """Errors on the training and the test stretch of every record."""
+        return stretch_errors(self.records, self.predicted, self.train, self.rest_resistance)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parameter:
     """One fitted number.

@@ -28,7 +28,7 @@ from scipy.optimize import least_squares
 from threadpoolctl import threadpool_limits
 
 from ..arrays import Matrix, Rows, Vector
-from ..fitting.errors import Errors, Parameter, alike, covariance, rest_doubt, stretch_errors
+from ..fitting.errors import Parameter, SensorFit, alike, covariance, rest_doubt
 from ..fitting.records import Record, in_equal_steps
 from .artifact import FractionalArtifact
 from .model import predict
@@ -80,7 +80,7 @@ def parameters(problem: FractionalProblem, theta: Vector) -> tuple[tuple[Paramet
 
 
 @dataclass(frozen=True, kw_only=True)
-class FractionalFit:
+class FractionalFit(SensorFit):
     """Result of a fit.
 
     Attributes
@@ -89,12 +89,6 @@ class FractionalFit:
         The model.
     settings : FractionalSettings
         Settings of the fit; the range of times of the memory covers the records.
-    records : tuple of Record
-        Fitted records.
-    predicted : tuple of ndarray
-        Resistance [ohm] at the samples of every record.
-    train : tuple of ndarray of bool
-        Samples of every record that were fitted.
     parameters : tuple of Parameter
         By the thesis' names, see ``parameters``.
     covariance : ndarray, shape (n, n)
@@ -107,23 +101,10 @@ class FractionalFit:
 
     artifact: FractionalArtifact
     settings: FractionalSettings
-    records: tuple[Record, ...]
-    predicted: tuple[Vector, ...]
-    train: tuple[Rows, ...]
     parameters: tuple[Parameter, ...]
     covariance: Matrix
     costs: tuple[float, ...]
     seconds: float = field(compare=False)
-
-    @property
-    def rest_resistance(self) -> float:
-        """Resistance [ohm] of the unstrained sensor at rest, given or fitted."""
-        return self.artifact.rest_resistance
-
-    @property
-    def errors(self) -> tuple[Errors, ...]:
-        """Errors on the training and the test stretch of every record."""
-        return stretch_errors(self.records, self.predicted, self.train, self.rest_resistance)
 
 
 def fit_fractional(
@@ -170,6 +151,7 @@ def fit_fractional(
     known, covariance = parameters(problem, theta)
     return FractionalFit(
         artifact=artifact,
+        rest_resistance=artifact.rest_resistance,
         settings=problem.settings,
         records=records,
         predicted=tuple(predict_record(artifact, record) for record in records),

@@ -150,13 +150,11 @@ def in_plane(equations: MembraneEquations, u: Values, p: Values) -> tuple[ca.MX,
     return ca.if_else(left <= 1.0, q, float("nan")), left
 
 
-def tangent(equations: MembraneEquations, x: ca.MX, shared: Shared, p: Values, axes: int) -> ca.MX:
-    """Write ``-df/dx`` [N/m] of the moving nodes along the first axes, sparse, shape (axes M, axes M).
-
-    Of a membrane with elements of one kind.
-    """
-    (blocks,), (kind,) = equations.tangents(x, shared, p, axes), equations.structure.elements
-    return -_assembled(blocks, equations.places(kind, axes), equations.n_q // 3 * axes)
+def tangent(equations: MembraneEquations, x: ca.MX, shared: Shared, p: Values, axes: int = 3) -> ca.MX:
+    """Write ``-df/dx`` [N/m] of the moving nodes along the first axes, sparse, shape (axes M, axes M)."""
+    blocks, size = equations.tangents(x, shared, p, axes), equations.n_q // 3 * axes
+    places = [equations.places(kind, axes) for kind in equations.structure.elements]
+    return -sum(_assembled(each, rows, size) for each, rows in zip(blocks, places, strict=True))
 
 
 def _assembled(blocks: ca.MX, rows: NDArray[np.int64], size: int) -> ca.MX:

@@ -6,19 +6,18 @@ stiffnesses of the nodes [N/m]; ``mu`` shift [1]; ``u`` inputs and ``p`` paramet
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
 import numpy as np
 import scipy.sparse
-from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
 from ..arrays import Vector
 from ..variables import Variable, by_name
 from .assembly import MembraneEquations
-from .equilibrium import balance
+from .equilibrium import balance, tangent
 
 SOFTEST = 1e-9  # added to the tangent, over the stiffness of a node: what a slack film lacks
 MOST_STEPS = 60
@@ -62,13 +61,12 @@ class Newton:
         self.balance = ca.Function("balance", arguments, [f, accepted])
         x = equations.positions(q, by_name_u, by_name_p)
         shared = equations.shared(by_name_u, by_name_p, ca.MX(0.0), equations.gas_of_start(by_name_u))
-        self._blocks = ca.Function("blocks", arguments, [ca.vec(b) for b in equations.tangents(x, shared, by_name_p)])
-        self._pattern = _Pattern([equations.places(block) for block in structure.elements], self.free, n)
+        K = tangent(equations, x, shared, by_name_p)[self.free.tolist(), self.free.tolist()]
+        self._tangent = ca.Function("tangent", arguments, [K])
 
     def tangent(self, u: Vector, p: Vector, q: Vector) -> scipy.sparse.csc_matrix:
         """Return K [N/m] for the free displacements."""
-        blocks = self._blocks(u, p, q)
-        return self._pattern.matrix([column(b) for b in (blocks if isinstance(blocks, tuple) else (blocks,))])
+        return scipy.sparse.csc_matrix(self._tangent(u, p, q).sparse())
 
     def stiffened(self, u: Vector, p: Vector, q: Vector) -> scipy.sparse.csc_matrix:
         """Return the tangent that can be factored where the film is slack."""
@@ -159,26 +157,6 @@ class Known:
 
     def __reduce__(self) -> tuple[type[Known], tuple[Vector, Vector, Vector]]:  # without the factors
         return Known, (self.u, self.p, self.q)
-
-
-class _Pattern:
-    """Where the blocks of elements belong in the tangent of the free displacements."""
-
-    def __init__(self, places: Sequence[NDArray[np.int64]], free: NDArray[np.int64], n: int) -> None:
-        number = np.full(n + 1, -1)
-        number[free] = np.arange(len(free))
-        row = np.concatenate([np.tile(number[at], at.shape[1]).ravel() for at in places])
-        column = np.concatenate([np.repeat(number[at], at.shape[1], axis=1).ravel() for at in places])
-        self._used = (row >= 0) & (column >= 0)
-        size = len(free)
-        known, self._place = np.unique(column[self._used] * size + row[self._used], return_inverse=True)
-        self._indices, self._starts = known % size, np.searchsorted(known, size * np.arange(size + 1))
-        self._size = size
-
-    def matrix(self, blocks: Sequence[Vector]) -> scipy.sparse.csc_matrix:
-        """Sum blocks, each column by column, into ``-sum``."""
-        values = -np.bincount(self._place, np.concatenate(blocks)[self._used], len(self._indices))
-        return scipy.sparse.csc_matrix((values, self._indices, self._starts), shape=(self._size, self._size))
 
 
 def column(value: Any) -> Vector:  # noqa: ANN401

@@ -6,30 +6,27 @@ Numbers are written with all their digits, so what is read equals what was writt
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, replace
+from dataclasses import asdict, is_dataclass, replace
 from pathlib import Path
+from typing import get_args, get_type_hints
 
 import numpy as np
 from gossamer_files import reason
 
 from ..artifacts import made_from
 from ..errors import DataError
-from .setup import Edge, Gas, Load, Region, Sensor, Setup, Support
+from .setup import Setup
 from .structure import Structure, make_structure
 from .surface import Block, SurfaceMesh
-from .zones import Zone
 
 FILE = "setup.json"
 SCHEMA, VERSION = "gossamer.structure", 1
-TABLES: dict[str, type] = {
-    "regions": Region,
-    "zones": Zone,
-    "supports": Support,
-    "edges": Edge,
-    "loads": Load,
-    "sensors": Sensor,
-    "gas": Gas,
-}  # of a setup
+TABLES: dict[str, type] = {  # of a setup
+    name: part
+    for name, hint in get_type_hints(Setup).items()
+    for part in get_args(hint)
+    if isinstance(part, type) and is_dataclass(part)
+}
 
 
 def structure_text(structure: Structure) -> str:

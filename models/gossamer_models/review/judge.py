@@ -25,7 +25,7 @@ from ..fitting.errors import nrmse
 from ..fitting.reading import Columns, read_records
 from ..fitting.records import Record, judged_rows, training_rows
 from ..plots import BAND, ModelledRecord, record_files
-from ..replay import REACH, Recovered, clipped_strain, recover, sensor_output, table_path, write_predictions
+from ..replay import REACH, clipped_strain, recover, sensor_output, table_path, write_predictions
 from ..sensor import Scales, SensorArtifact
 from .scales import RelaxingScales, fit_scales, hardly_overlapping
 
@@ -35,19 +35,11 @@ LEAST_JUDGED = 0.25  # share of a record that must lie before its first strain b
 
 
 @dataclass(frozen=True, kw_only=True)
-class Judged:
-    """One record and what a sensor makes of it.
+class Judged(ModelledRecord):
+    """One record and what a sensor makes of it; the cubic and fitted scales know its first stretch.
 
     Attributes
     ----------
-    record : Record
-        The record.
-    first : ndarray of bool, shape (m,)
-        Its first stretch, which the cubic and fitted scales know.
-    predicted : ndarray, shape (m,)
-        Resistance [ohm] for its strain.
-    recovered : dict of str to Recovered
-        Strain from its resistance, by compensator.
     scales : RelaxingScales or None
         Its fitted scales; None where the sensor's own were used.
     cubic, cubic_strain : ndarray, shape (m,)
@@ -60,10 +52,6 @@ class Judged:
         Where recovered strain stands at a limit of the range of the sensor, a sentence each.
     """
 
-    record: Record
-    first: Rows
-    predicted: Vector
-    recovered: dict[str, Recovered]
     scales: RelaxingScales | None
     cubic: Vector
     cubic_strain: Vector
@@ -71,24 +59,10 @@ class Judged:
     elsewhere: tuple[str, ...] = ()
     clipped: tuple[str, ...] = ()
 
-    @property
-    def fitted(self) -> Rows:
-        """Samples that something of the sensor was fitted to: none with its own scales."""
-        return self.first if self.scales is not None else np.zeros_like(self.first)
-
-    @property
-    def modelled(self) -> ModelledRecord:
-        """What the charts show."""
-        stretch = "stretch to which the scales are fitted" if self.scales else "first stretch"
-        fitted, own = "scales fitted" if self.scales else "", self.recovered
-        return ModelledRecord(
-            record=self.record, predicted=self.predicted, recovered=own, first=self.first, stretch=stretch, fitted=fitted
-        )
-
     def stretches(self) -> dict[str, Rows]:
         """Return the first stretch and the rest, where there is one, by name."""
-        fitted = "scales fitted" if self.scales is not None else "first"
-        return {name: rows for name, rows in ((fitted, self.first), ("judged", ~self.first)) if rows.any()}
+        named = (self.fitted or "first", self.first), ("judged", ~self.first)
+        return {name: rows for name, rows in named if rows.any()}
 
     def judged(self) -> Rows:
         """Return the samples after the first stretch, or this one where there is no more."""
@@ -237,6 +211,8 @@ def judge_files(
             Judged(
                 record=record,
                 first=first,
+                stretch="stretch to which the scales are fitted" if scales else "first stretch",
+                fitted="scales fitted" if scales else "",
                 predicted=offsets + gains * output,
                 recovered=recovered,
                 clipped=tuple(filter(None, clipped)),
@@ -297,11 +273,10 @@ def save_judged(judged: Sequence[Judged], folder: Path, *, pictures: bool = True
     paths = []
     drawn: dict[str, Chart] = {}
     for each in judged:
-        paths.append(
-            write_predictions(table_path(folder, each.record.name), each.record, each.predicted, _cells(each), each.fitted)
-        )
+        path, fitted = table_path(folder, each.record.name), each.first & bool(each.fitted)
+        paths.append(write_predictions(path, each.record, each.predicted, _cells(each), fitted))
         if pictures:
-            drawn |= record_files(each.modelled)
+            drawn |= record_files(each)
     return [*paths, *save_charts(drawn, folder, form)]
 
 

@@ -148,7 +148,7 @@ def assessment_page(
     compared: list[Comparison] = []
     for each in judged:
         here = _judged_comparisons(each)
-        charts += record_charts(each.modelled)
+        charts += record_charts(each)
         charts += [_comparison_chart(here), *_scales(each)]
         compared += here
     stretch = "judged stretch" if "judged" in judged[0].stretches() else "first stretch"

@@ -20,7 +20,7 @@ import numpy as np
 
 from ...arrays import Matrix, Rows, Vector
 from ...fitting.constrained import GaussNewton, Solution
-from ...fitting.errors import Errors, stretch_errors
+from ...fitting.errors import SensorFit
 from ...fitting.records import Record, check_rest, forward_cuts, noise_of, strain_range
 from ..artifact import MIN_SPRING_WEIGHT, DirectInverse, Scales, SensorArtifact
 from .parameters import ParameterBlock
@@ -92,8 +92,8 @@ def inverse_settings(turned: Turned, forward: PreisachSettings) -> PreisachSetti
 
 
 @dataclass(frozen=True, kw_only=True)
-class PreisachFit:
-    """Result of a fit.
+class PreisachFit(SensorFit):
+    """Result of a fit; ``predicted`` has the relaxation from before each record began.
 
     Attributes
     ----------
@@ -103,18 +103,12 @@ class PreisachFit:
         Settings of the fit.
     full_scale : float
         Strain [1] of the end of the range.
-    rest_resistance, resistance_change : float
+    resistance_change : float
         Resistance of a record [ohm] = rest_resistance + resistance_change * normalised output.
     x : ndarray, shape (n,)
         Parameters.
-    records : tuple of Record
-        Fitted records.
-    predicted : tuple of ndarray
-        Resistance [ohm] that the artifact gives for every record, with the relaxation from before it began.
     alone : tuple of ndarray
-        The same without that relaxation: what an FMU gives, which cannot know it.
-    train : tuple of ndarray of bool
-        Samples of every record that were fitted.
+        Resistance [ohm] without that relaxation: what an FMU gives, which cannot know it.
     solutions : tuple of Solution
         One per start; the first is the best.
     solver : GaussNewton
@@ -126,21 +120,12 @@ class PreisachFit:
     artifact: SensorArtifact
     settings: PreisachSettings
     full_scale: float
-    rest_resistance: float
     resistance_change: float
     x: Vector
-    records: tuple[Record, ...]
-    predicted: tuple[Vector, ...]
     alone: tuple[Vector, ...]
-    train: tuple[Rows, ...]
     solutions: tuple[Solution, ...]
     solver: GaussNewton
     blocks: tuple[ParameterBlock, ...] = field(repr=False)
-
-    @property
-    def errors(self) -> tuple[Errors, ...]:
-        """Errors on the training and the test stretch of every record."""
-        return stretch_errors(self.records, self.predicted, self.train, self.rest_resistance)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -2,8 +2,11 @@ r"""Weights of the columns of a regression as a CasADi function of the parameter
 
 Symbols: ``x`` parameters of ``parameters.py``; ``mu``, ``eta`` densities on the cells, ``nu = eta*mu``; per kernel
 :math:`\tau, c` and the amplitudes :math:`g, k` of :math:`A(\zeta) = g + k\zeta`; ``f`` coefficients, ``basis @ f`` the
-weights of the columns of ``regression.py``; ``p`` the parameters by the names of their blocks. The densities are those of
-Eqs. (4.14) and (4.15) of the thesis. All are matrix expressions, so the function has a few dozen instructions and its
+weights of the columns of ``regression.py``; ``p`` the parameters by the names of their blocks; wave numbers :math:`m_l, n_l`
+and amplitudes :math:`b_l` [1] of the modal densities ``mu(i, j)`` and ``eta(i, j)`` [1] on bins (i, j), ``i`` counting
+:math:`\alpha` and ``j <= i`` counting :math:`\beta`, numbers 1 to N; ``line`` = i - j and ``k`` = i - 1 of the same cell in
+the tables. The densities are those of Eqs. (4.14) and (4.15) of the thesis; all are linear in part of their parameters. All
+are matrix expressions, so the function has a few dozen instructions and its
 derivatives take milliseconds to build.
 """
 
@@ -22,15 +25,7 @@ from ...modes import exponential_sum
 from ..artifact import MIN_SPRING_WEIGHT, SensorArtifact
 from ..drives import RelaxationTerm
 from ..law import ModeBank
-from .parameters import (
-    ParameterBlock,
-    bin_places,
-    elastic_field,
-    hat_functions,
-    modal_field,
-    parameter_blocks,
-    reversible_beyond,
-)
+from .parameters import ParameterBlock, hat_functions, parameter_blocks
 from .regression import Regression, Stretch, Weights, relaxed
 from .settings import PreisachSettings
 
@@ -118,6 +113,71 @@ def _density(settings: PreisachSettings, p: dict[str, ca.MX], seen: float) -> tu
         return reversible_beyond(N, seen), mu, eta
     functions = sparse.csr_array(np.hstack(hat_functions(N, settings.knots)))
     return functions, ca.vertcat(p["b_mu"], p["b_elastic"]), p["eta"]
+
+
+def modal_field(amplitudes: ca.MX, m: ca.MX, n: ca.MX, places: Vector) -> ca.MX:
+    r"""Return a sum of modal functions on all cells, Eqs. (4.14) to (4.17) of the thesis.
+
+    Parameters
+    ----------
+    amplitudes, m, n : casadi.MX, shape (M,)
+        :math:`b_l` and the wave numbers :math:`m_l, n_l` [1].
+    places : ndarray, shape (N,)
+        Middles of the bins over the range of the modes [1], see ``bin_places``.
+
+    Returns
+    -------
+    casadi.MX, shape (N (N + 1) / 2,)
+        :math:`\sum_l b_l [\cos(\pi m_l i/N)\cos(\pi n_l j/N) + \cos(\pi n_l i/N)\cos(\pi m_l j/N)]` in the order of
+        ``numpy.triu_indices``.
+
+    Notes
+    -----
+    The diagonal of bin (i, j) is the cell of line i - j at :math:`\alpha` bin i, so bins and cells correspond one to one.
+    Places i/N are taken at the middle of the bins. With the cosines as matrices :math:`C_m, C_n` of shape (N, M) the whole
+    plane is :math:`S + S^T`, :math:`S = C_m\,\mathrm{diag}(b)\,C_n^T`: few operations, hence quickly differentiated ones.
+    """
+    line, k = np.triu_indices(places.size)
+    axis = ca.DM(np.pi * places)
+    cos_m, cos_n = ca.cos(ca.mtimes(axis, m.T)), ca.cos(ca.mtimes(axis, n.T))
+    S = ca.mtimes(ca.mtimes(cos_m, ca.diag(amplitudes)), cos_n.T)
+    return ca.vec(S + S.T)[(k + places.size * (k - line)).tolist()]
+
+
+def bin_places(n_lines: int, seen: float) -> Vector:
+    """Return the middles of the bins over the fitted range of strain [1], shape (N,).
+
+    Beyond that range the result is 1, so densities keep their value at its end: the data determine nothing there.
+    """
+    return np.minimum((np.arange(n_lines) + 0.5) / n_lines / seen, 1.0)
+
+
+def reversible_beyond(n_lines: int, seen: float) -> sparse.csr_array:
+    """Return a matrix that moves the weight of lines wider than the fitted range of strain to the elastic line.
+
+    No record within that range switches such operators down, so their hysteresis is unknown. The first loading follows
+    the density, and hysteresis appears only if the data require it.
+
+    Parameters
+    ----------
+    n_lines : int
+        Lines of the tables.
+    seen : float
+        Largest strain that is fitted, over full scale [1].
+
+    Returns
+    -------
+    scipy.sparse.csr_array, shape (N (N + 1) / 2, N (N + 1) / 2)
+        The identity on narrower lines; wider ones are added to the cell of line 0 at the same alpha.
+    """
+    line, k = np.triu_indices(n_lines)
+    target = np.where(line / n_lines < seen, np.arange(line.size), k)
+    return sparse.csr_array((np.ones(line.size), (target, np.arange(line.size))), shape=(line.size, line.size))
+
+
+def elastic_field(amplitudes: ca.MX, places: Vector) -> ca.MX:
+    r"""Return :math:`\sum_l b_l \cos(\pi l \alpha)`, l = 0, 1, ..., on the bins of the elastic line, shape (N,)."""
+    return ca.mtimes(ca.DM(np.cos(np.pi * np.outer(places, np.arange(amplitudes.numel())))), amplitudes)
 
 
 def _steep_enough(settings: PreisachSettings, p: dict[str, ca.MX], nu: ca.MX) -> list[ca.MX]:
