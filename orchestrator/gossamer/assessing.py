@@ -326,7 +326,7 @@ def assess_detector(
         plan = judged_on(artifacts, setup, mesh, set)
         structure = assessment.plan_of_square().membrane.structure if plan is None else plan.membrane.structure
         judges = [assessment.read_judge(path, structure) for path in artifacts] if artifacts else assessment.shipped_judges()
-        twins = assessment.twin_judges(TWIN_RECORDS, TWIN_SIZES, None if plan is None else structure) if twin else ()
+        twins = assessment.twin_judges(TWIN_RECORDS, TWIN_SIZES, None if plan is None else plan.membrane) if twin else ()
         zero = assessment.AlwaysZero(zones=structure.n_zones)
 
         def report(what: str, done: int, total: int) -> None:

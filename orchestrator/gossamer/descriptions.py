@@ -16,6 +16,7 @@ from gossamer_models.campaign import CampaignPlan
 from gossamer_models.membrane import Setup, Structure, make_structure, read_mesh, surface_mesh
 from gossamer_models.membrane.portable import TABLES
 from gossamer_models.mistakes import DescriptionError
+from gossamer_models.twin import read_loads
 from gossamer_orchestrator import ScenarioError
 from gossamer_orchestrator.names import suggest
 from gossamer_orchestrator.scenario.schema import ScenarioTable
@@ -111,13 +112,19 @@ def locating(source: Source) -> Iterator[None]:
 
 
 def load_campaign(path: Path) -> tuple[CampaignPlan, Source]:
-    """Read and check a campaign file, see ``read_description``; files of artifact and setup are relative to its folder."""
+    """Read and check a campaign file, see ``read_description``; the files that it names are relative to its folder."""
 
     def complete(content: dict[str, Any]) -> None:
         table = content.get("membrane")
-        if isinstance(table, dict) and isinstance(name := table.get("setup"), str):
+        if not isinstance(table, dict):
+            return
+        setup = None
+        if isinstance(name := table.get("setup"), str):
             beside = path.parent / name
-            table["setup"] = asdict(setup_of(beside if beside.is_file() else name))
+            setup = setup_of(beside if beside.is_file() else name)
+            table["setup"] = asdict(setup)
+        if isinstance(name := table.get("load"), str):
+            table["load"] = asdict(read_loads(path.parent / name, campaign.Mesh(setup=setup).structure))
 
     found, source = read_description(path, "campaign", CampaignPlan, OF_A_CAMPAIGN, complete)
     if found.chain is not None and found.chain.artifact is not None:

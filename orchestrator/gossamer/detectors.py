@@ -130,7 +130,7 @@ def campaign(
     from .pages.campaign import campaign_page
 
     if out is not None:
-        keep_inputs([campaign, plan.get("setup"), plan.get("mesh")], [Path(out)])
+        keep_inputs([campaign, plan.get("setup"), plan.get("mesh"), plan.get("load")], [Path(out)])
     wanted, source, name = planned(campaign, None, **plan)
     store = Path("out/campaigns") / f"{name}.zarr" if out is None else Path(out)
     bar = progress_bar(name)
@@ -261,7 +261,7 @@ def train(
             raise OrchestratorError(msg)
         return _train_thesis(str(source or "single"), out)
     path = None if out is None else json_file(out)
-    keep_inputs([source, plan.get("setup"), plan.get("mesh")], [out, path])
+    keep_inputs([source, plan.get("setup"), plan.get("mesh"), plan.get("load")], [out, path])
     from gossamer_models.assessment.figures import errors, held_out_verdicts
     from gossamer_models.detector.posterior_records import Training
     from gossamer_models.detector.posterior_training import train_posterior

@@ -115,6 +115,9 @@ class PlanOptions(TypedDict, total=False):
         With a setup: mesh file in place of its own.
     set
         Parameter or constant input of the membrane, NAME=VALUE; may be repeated.
+    load
+        With a setup: CSV table of what acts over time beside or in place of the built-in pressure, columns of inputs with
+        units beside time (docs/placement.md); it is a period of the load, and repeated.
     cases
         How many, in place of the campaign's; 4000 of a setup.
     noise
@@ -124,6 +127,7 @@ class PlanOptions(TypedDict, total=False):
     setup: File | None
     mesh: File | None
     set: Values | None
+    load: File | None
     cases: Count | None
     noise: NotNegative | None
 

@@ -33,6 +33,7 @@ def planned(source: AnyPath | None, window: float | None, **plan: Unpack[PlanOpt
     """Return the campaign of a file, a scenario or a setup, the text that its mistakes are in, and its name."""
     from gossamer_models.campaign import Distribution, MeasurementNoise, Mesh, campaign_of_setup
     from gossamer_models.campaign.defaults import CASES, NOISE
+    from gossamer_models.twin import read_loads
     from gossamer_orchestrator.scenario.source import Source, find_scenario
 
     from .descriptions import load_campaign, setup_of
@@ -46,6 +47,8 @@ def planned(source: AnyPath | None, window: float | None, **plan: Unpack[PlanOpt
             msg = f"{source} says what is simulated, and so does {option('setup')}. Leave one of them out."
             raise OrchestratorError(msg)
         membrane = Mesh(setup=setup_of(file, plan.get("mesh")))
+        if (load := plan.get("load")) is not None:
+            membrane = replace(membrane, load=read_loads(Path(load), membrane.structure))
         if run:
             found, length = membrane_of(find_scenario(str(source)), membrane)
             membrane, window = found, window or length
@@ -54,9 +57,10 @@ def planned(source: AnyPath | None, window: float | None, **plan: Unpack[PlanOpt
             membrane, cases=CASES if cases is None else cases, noise=NOISE if noise is None else noise, window=window
         )
         return wanted, Source(file.name, ""), file.stem
-    if plan.get("mesh") is not None:
-        msg = f"{option('mesh')} needs a setup of material and supports. Name its file with {option('setup')}."
-        raise OrchestratorError(msg)
+    for name in ("mesh", "load"):
+        if plan.get(name) is not None:
+            msg = f"{option(name)} needs a setup of material and supports. Name its file with {option('setup')}."
+            raise OrchestratorError(msg)
     file = find_scenario(str(source or NOMINAL), "scenario" if run else "campaign")
     wanted, text = load_campaign(find_scenario(NOMINAL, "campaign") if run else file)
     if run:
@@ -92,10 +96,10 @@ def membrane_of(file: Path, mesh: Mesh) -> tuple[Mesh, float | None]:
     found = [c for c in scenario.components.values() if Path(c.fmu).stem == "membrane"]
     fed = {c.target.partition(".")[2].partition("[")[0] for c in scenario.connections}
     loads = {name.partition("[")[0] for name, row in mesh.settable.items() if row.causality == "input"}
-    if len(found) != 1 or fed & loads:
+    if len(found) != 1 or (fed & loads and mesh.load is None):
         msg = (
             f"{file.name} does not hold one membrane under its built-in pressure, so there is no campaign for it. Write a "
-            "campaign file: its [membrane] takes mesh, parameters and constant inputs."
+            f"campaign file, or name its setup and a table of its loads with {option('setup')} and {option('load')}."
         )
         raise ScenarioError(msg)
     constants: dict[str, float] = {}
@@ -151,6 +155,7 @@ def judged_on(
         msg = f"{artifacts[0]} is a detector of the thesis, for its square alone. Leave out {option('setup')}."
         raise OrchestratorError(msg)
     trained.require_structure(membrane.structure, str(artifacts[0]))
-    membrane = replace(membrane, parameters=trained.parameters | numbers_by_name(assigned(constants), EXAMPLE))
+    values = trained.parameters | numbers_by_name(assigned(constants), EXAMPLE)
+    membrane = replace(membrane, parameters=values, load=trained.load)
     plan = campaign_of_setup(membrane, cases=1, noise=trained.noise, window=trained.window_length)
     return replace(plan, step=trained.sampling_step, stop=trained.samples * trained.sampling_step)

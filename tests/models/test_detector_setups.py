@@ -11,12 +11,14 @@ from gossamer_models import ArtifactError, ParameterError, Stepper, simulate
 from gossamer_models.assessment import PosteriorJudge, conditions, plan_of_square, read_judge
 from gossamer_models.assessment.conditions import detections, finer
 from gossamer_models.assessment.figures import errors, held_out_verdicts
-from gossamer_models.campaign import Mesh, campaign_of_setup, read_campaign, run_campaign
+from gossamer_models.campaign import Mesh, Vary, campaign_of_setup, read_campaign, run_campaign
 from gossamer_models.campaign.symmetry import Symmetry, mirrors
 from gossamer_models.detector import PosteriorArtifact, judge_records, posterior_model
 from gossamer_models.detector.posterior_records import Training
 from gossamer_models.detector.posterior_training import train_posterior
 from gossamer_models.membrane import Load, first_period, membrane_model, square_structure
+from gossamer_models.mistakes import DescriptionError
+from gossamer_models.twin import LoadTable, MembraneForward
 from gossamer_orchestrator.errors import OrchestratorError
 from oracles.dish import dish_file, dish_setup
 
@@ -56,6 +58,49 @@ def test_windows_and_steps_are_those_of_the_structure(setup):
     assert plan.noise.strain.normal == 2e-4
     quick = Mesh(setup=setup, parameters={"pressure_frequency": 100.0})
     assert campaign_of_setup(quick, cases=10).window >= 2.0 * first_period(plan.membrane.structure)
+
+
+def shaken(setup, **change):
+    """The dish without a pressure, whose base is shaken along its axis for three periods of 12 Hz, as a table says."""
+    time = np.linspace(0.0, 0.25, 301)
+    values = {"base_acceleration[3]": tuple(30.0 * np.sin(2.0 * np.pi * 12.0 * time))}
+    return Mesh(setup=setup, load=LoadTable(values=values, time=tuple(time)), **change)
+
+
+QUIET = {"pressure_amplitude": 0.0}
+
+
+def test_a_table_of_loads_is_a_window_and_repeated(setup):
+    plan = campaign_of_setup(shaken(setup, parameters=QUIET), cases=10)
+    assert plan.window == pytest.approx(0.25)
+    assert plan.stop == pytest.approx(3 * 0.25)
+    assert campaign_of_setup(shaken(setup), cases=10).window == pytest.approx(0.25)  # three periods of the pressure, too
+    with pytest.raises(ParameterError, match=r"the built-in pressure of 13 Hz acts, too, .* holds 3.25 of its periods"):
+        campaign_of_setup(shaken(setup, parameters={"pressure_frequency": 13.0}), cases=10)
+    with pytest.raises(DescriptionError, match="states of rest, and a case is a history"):
+        Mesh(setup=setup, load=LoadTable(values={"pressure": (0.0, 1.0)}))
+    with pytest.raises(DescriptionError, match="stands in the table of loads and is a constant, too"):
+        shaken(setup, parameters={"base_acceleration[3]": 1.0})
+    with pytest.raises(DescriptionError, match="Vary 'load', a factor on all of them"):
+        replace(plan, vary={"base_acceleration[3]": Vary(range=(0.0, 1.0))})
+
+
+def test_cases_under_a_table_of_loads_are_those_of_the_twin(setup, tmp_path):
+    """Damage that is there or begins, a load as large as drawn; and the detector carries its load to be judged under it."""
+    mesh = shaken(setup, parameters=QUIET)
+    plan = replace(campaign_of_setup(mesh, cases=8, seed=3), stop=0.05, window=None, vary={"load": Vary(factor=(0.5, 2.0))})
+    plan = replace(plan, damage=replace(plan.damage, onset=(-0.1, 0.04)))
+    run_campaign(plan, tmp_path / "shaken.zarr", workers=1)
+    data = read_campaign(tmp_path / "shaken.zarr")
+    assert data["load"].attrs["long_name"] == "Factor on the loads"
+    there = np.flatnonzero(data["onset"].to_numpy() == 0.0)
+    forward = MembraneForward(mesh.structure, QUIET)
+    acting = mesh.load.loads(plan.steps, plan.step).histories["base_acceleration[3]"]
+    scaled = {"base_acceleration[3]": data["load"].to_numpy()[there, None] * acting}
+    strain = forward.strain(data["damage"].to_numpy()[there], {}, scaled, plan.steps, plan.step)
+    np.testing.assert_allclose(data["strain"].to_numpy()[there], strain, rtol=1e-4, atol=1e-7 * np.ptp(strain))
+    names = [condition.name for condition in conditions(plan, None, 4)]
+    assert "load x 0.9" in names
 
 
 @pytest.mark.parametrize(
@@ -102,7 +147,10 @@ def test_the_fmu_judges_as_the_training_does(trained):
 
 def test_a_detector_of_another_structure_is_refused(trained, setup, tmp_path):
     artifact, *_ = trained
+    artifact = replace(artifact, load=shaken(setup).load, parameters=QUIET)
     artifact.write(tmp_path / "dish.json")
+    assert PosteriorArtifact.read(tmp_path / "dish.json").load == artifact.load
+    assert judged_on([tmp_path / "dish.json"], None, None, None).membrane.load == artifact.load
     structure = Mesh(setup=setup).structure
     assert isinstance(read_judge(tmp_path / "dish.json", structure), PosteriorJudge)
     with pytest.raises(ArtifactError, match="trained for 5 zones and 5 sensors, and this structure has 16 and 4"):

@@ -118,7 +118,8 @@ def conditions(plan: campaigns.CampaignPlan, other: campaigns.Mesh | None, cases
 def _varied(mesh: campaigns.Mesh, what: str, low: float, high: float) -> dict[str, campaigns.Vary]:
     """Return the range of factors of a quantity, or of all elements of an array, where the membrane has one above 0."""
     names = [name for name in mesh.settable if name.partition("[")[0] == what] or [what]
-    base = {name: 1.0 if what == campaigns.SENSOR_GAIN else mesh.base(name) for name in names}
+    names += [campaigns.LOAD] * (what == "pressure_amplitude" and mesh.load is not None)
+    base = {name: 1.0 if name in campaigns.OF_NO_VARIABLE else mesh.base(name) for name in names}
     return {name: campaigns.Vary(factor=(low, high)) for name in names if base[name] > 0.0}
 
 

@@ -25,8 +25,9 @@ from ..step_model import StepModel
 from ..stepper import Stepper, simulate
 
 if TYPE_CHECKING:
+    from ..campaign import Mesh
     from ..membrane import Structure
-    from ..twin import Twin
+    from ..twin import LoadTable, Twin
 
 OF_TWIN = ("twin", "membrane", "sensor", "batch")  # rooms that its answers depend on
 Signal = Literal["strain", "resistance"]
@@ -199,24 +200,29 @@ class TwinJudge(Judge):
     """The digital twin, record by record: seconds for each."""
 
     twin: Twin
+    load: LoadTable | None = None
     name: str = field(default="twin", kw_only=True)
 
     @property
     def identity(self) -> str:
         """Settings of the twin, and digest of the program that it is part of."""
         of = self.twin
-        return f"{self.reads} {of.nuisances} {of.known} {of.sparse} {of.parameters} {_digest_of_twin()}"
+        return f"{self.reads} {of.nuisances} {of.known} {of.sparse} {of.parameters} {self.load} {_digest_of_twin()}"
 
     def __call__(self, histories: Matrix, step: float) -> Verdicts:
         """Fit every record; one that cannot be fitted is not valid."""
-        from ..twin import ResponseRecord
+        from ..twin import Loads, ResponseRecord
 
+        acting = Loads() if self.load is None else self.load.loads(histories.shape[-1], step)
         found = np.zeros((3, len(histories), self.twin.zones))
         found[1] = 1.0
         valid = np.zeros(len(histories), dtype=bool)
         for k, history in enumerate(histories):
             try:
-                answer = self.twin.fit(ResponseRecord(step=step, values=history, kind=self.reads))
+                record = ResponseRecord(
+                    step=step, values=history, kind=self.reads, inputs=acting.histories, start=acting.start
+                )
+                answer = self.twin.fit(record)
             except (ConvergenceError, DataError):
                 continue
             found[:, k] = answer.damage, answer.deviation, answer.probability
@@ -259,7 +265,7 @@ def shipped_judges() -> list[Judge]:
     return [read_judge(path) for path in shipped_detectors().values()]
 
 
-def twin_judges(most: int, sizes: int, structure: Structure | None = None) -> tuple[TwinJudge, ...]:
+def twin_judges(most: int, sizes: int, mesh: Mesh | None = None) -> tuple[TwinJudge, ...]:
     """Return the twins: one on strain, and of the square one on resistance.
 
     Parameters
@@ -268,14 +274,14 @@ def twin_judges(most: int, sizes: int, structure: Structure | None = None) -> tu
         Records of a condition that each has time for.
     sizes : int
         Sizes of damage in each zone that each has time for.
-    structure : Structure, optional
-        Another membrane than the square; then the first one alone.
+    mesh : Mesh, optional
+        Another membrane than the square, with its parameters and loads; then the first one alone.
     """
     from ..sensor import default_artifact
     from ..twin import Twin
 
-    if structure is not None:
-        return (TwinJudge(Twin(structure), most=most, sizes=sizes),)
+    if mesh is not None:
+        return (TwinJudge(Twin(mesh.structure, parameters=mesh.parameters), mesh.load, most=most, sizes=sizes),)
     resistance = Twin(sensor=default_artifact())
     return (
         TwinJudge(Twin(), most=most, sizes=sizes),

@@ -2,7 +2,18 @@
 
 from .cases import Cases, draw_cases, measured_resistance, measured_strain
 from .defaults import campaign_of_setup, check_monitored
-from .description import SENSOR_GAIN, CampaignPlan, Chain, Damage, Distribution, MeasurementNoise, Mesh, Vary
+from .description import (
+    LOAD,
+    OF_NO_VARIABLE,
+    SENSOR_GAIN,
+    CampaignPlan,
+    Chain,
+    Damage,
+    Distribution,
+    MeasurementNoise,
+    Mesh,
+    Vary,
+)
 from .run import CampaignStoppedError, Summary, run_campaign
 from .store import read_campaign
 
@@ -14,7 +25,9 @@ __all__ = [
     "check_monitored",
     "Damage",
     "Distribution",
+    "LOAD",
     "Mesh",
+    "OF_NO_VARIABLE",
     "SENSOR_GAIN",
     "MeasurementNoise",
     "Vary",

@@ -19,7 +19,7 @@ from ..membrane import membrane_model
 from ..mistakes import DescriptionError, Mistake
 from ..sensor import SensorArtifact, default_artifact, sensor_model
 from .cases import Cases, draw_cases, unit_noise
-from .description import NOISE, ONSET, SENSOR_GAIN, CampaignPlan, Chain
+from .description import LOAD, NOISE, ONSET, SENSOR_GAIN, CampaignPlan, Chain
 
 FULL_SCALE = "full_scale_resistance_change"
 
@@ -173,7 +173,11 @@ def build_kernels(campaign: CampaignPlan) -> Kernels:
     membrane = membrane_model(campaign.membrane.structure)
     chain, digests = (None, {}) if campaign.chain is None else chain_kernels(campaign.chain)
     return Kernels(
-        membrane=Batch(membrane, membrane.elements("strain"), membrane.elements("damage") if campaign.begins else ()),
+        membrane=Batch(
+            membrane,
+            membrane.elements("strain"),
+            (*(membrane.elements("damage") if campaign.begins else ()), *campaign.membrane.histories),
+        ),
         zones=campaign.membrane.structure.n_zones,
         chain=chain,
         digests={membrane.name: membrane.digest, **digests},
@@ -200,9 +204,10 @@ def run_chunk(campaign: CampaignPlan, kernels: Kernels, chunk: int) -> dict[str,
         ``compensated_strain`` [1], shape (n, sensors, T), float32. Histories of failed cases are not a number.
     """
     cases = draw_cases(campaign, campaign.numbers(chunk))
-    varied = {name: value for name, value in cases.varied.items() if name != NOISE}
-    start: dict[str, ArrayLike] = {**campaign.membrane.parameters, **varied, "damage": _damage_at(0.0, cases)}
-    run = kernels.membrane.run(campaign.steps, campaign.step, start, _damage_histories(campaign, cases))
+    varied = {name: value for name, value in cases.varied.items() if name not in (NOISE, LOAD)}
+    first, acting = acting_on(campaign, cases)
+    start: dict[str, ArrayLike] = {**campaign.membrane.parameters, **first, **varied, "damage": _damage_at(0.0, cases)}
+    run = kernels.membrane.run(campaign.steps, campaign.step, start, _damage_histories(campaign, cases) | acting)
     histories, failed = {"strain": run.results}, run.failed
     if kernels.chain is not None:
         rest = rest_strain(campaign, kernels, varied), rest_strain(campaign, kernels, {})
@@ -216,6 +221,18 @@ def run_chunk(campaign: CampaignPlan, kernels: Kernels, chunk: int) -> dict[str,
         "failed": failed,
         **{name: np.where(failed[:, None, None], np.nan, h).astype(np.float32) for name, h in histories.items()},
     }
+
+
+def acting_on(campaign: CampaignPlan, cases: Cases) -> tuple[dict[str, ArrayLike], dict[str, ArrayLike]]:
+    """Return the inputs that change over time, of each case: at the start, shape (n,), and over the steps, shape (n, T)."""
+    if campaign.membrane.load is None:
+        return {}, {}
+    loads = campaign.membrane.load.loads(campaign.steps, campaign.step)
+    factor = np.broadcast_to(cases.varied.get(LOAD, 1.0), len(cases.numbers))
+    first, acting = (
+        {name: np.multiply.outer(factor, load) for name, load in each.items()} for each in (loads.start, loads.histories)
+    )
+    return first, acting
 
 
 def _damage_at(time: float, cases: Cases) -> Matrix:

@@ -1,6 +1,7 @@
 r"""What a campaign is of a setup alone: windows and steps from the structure's own time scales, damage that is random.
 
-Symbols: ``f`` frequency of the built-in pressure [Hz], ``T1`` first period [s], ``c`` mass damping [1/s].
+Symbols: ``f`` frequency of the built-in pressure or of a table of loads [Hz], ``T1`` first period [s], ``c`` mass damping
+[1/s].
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from gossamer_files.options import option
 
 from ..errors import ParameterError
 from ..membrane import Structure, first_period
@@ -20,6 +22,7 @@ SAMPLES, MOST_SAMPLES = 600, 1600  # of a window
 PER_PERIOD = 20  # samples of the first period, at least
 WINDOWS, MOST_WINDOWS = 3, 8  # of a run, until what its begin has excited is below ``LEFT``
 LEFT = 0.02
+WHOLE = 1e-6  # of a period: what is no more than round-off
 
 
 def campaign_of_setup(
@@ -30,14 +33,14 @@ def campaign_of_setup(
     Parameters
     ----------
     membrane : Mesh
-        Setup with zones and sensors, and constant parameters that differ from its own.
+        Setup with zones and sensors, constant parameters that differ from its own, and the loads over time.
     cases : int
         How many.
     noise : float
         Standard deviation of a sample of strain [1].
     window : float, optional
         Length of a window of the detector [s]; by default whole periods of the load, as many as also hold two of the first
-        mode.
+        mode. A table of loads is one period.
     seed : int
         Of everything that is drawn.
 
@@ -50,15 +53,25 @@ def campaign_of_setup(
     Raises
     ------
     ParameterError
-        The setup has no zones or no sensors, or nothing moves it.
+        The setup has no zones or no sensors, nothing moves it, or two loads of other periods do.
     """
     structure = membrane.structure
     check_monitored(structure)
     values = {name: row.start or 0.0 for name, row in membrane.settable.items()} | dict(membrane.parameters)
     f, amplitude, c = (values[name] for name in ("pressure_frequency", "pressure_amplitude", "mass_damping"))
     pressed = any(load.kind == "pressure" for load in structure.setup.loads)
-    T1 = first_period(structure, membrane.parameters)
-    if amplitude <= 0.0 or f <= 0.0 or not pressed:
+    T1, table = first_period(structure, membrane.parameters), membrane.load
+    pulsing = amplitude > 0.0 and f > 0.0 and pressed
+    if table is not None:
+        periods = table.length * f if pulsing else 1.0
+        if abs(periods - round(periods)) > WHOLE or periods < WHOLE:
+            msg = (
+                f"the built-in pressure of {f:g} Hz acts, too, and the table of loads, which is repeated after "
+                f"{table.length:g} s, holds {periods:.4g} of its periods. Set pressure_amplitude to 0, or write whole ones."
+            )
+            raise ParameterError(msg)
+        f = 1.0 / table.length
+    elif not pulsing:
         lacks = (
             "has no load of the kind pressure"
             if not pressed
@@ -66,12 +79,14 @@ def campaign_of_setup(
         )
         msg = (
             f"nothing moves this structure, so its strain tells no damage: its setup {lacks}. Write there the built-in "
-            f"pressure that it will be under; its first frequency is {1.0 / T1:.3g} Hz. A structure that does not move is "
-            "for the twin, from static records."
+            f"pressure that it will be under, or name a table of loads with {option('load')}; its first frequency is "
+            f"{1.0 / T1:.3g} Hz. A structure that does not move is for the twin, from static records."
         )
         raise ParameterError(msg)
-    length = window or math.ceil(max(CYCLES, FIRST_PERIODS * T1 * f)) / f
-    samples = 4 * math.ceil(np.clip(PER_PERIOD * length / T1, SAMPLES, MOST_SAMPLES) / 4)
+    cycles = CYCLES if table is None else 1
+    length = window or math.ceil(max(cycles, FIRST_PERIODS * T1 * f) * (1.0 - WHOLE)) / f
+    least = PER_PERIOD * length / T1 if table is None else max(PER_PERIOD * length / T1, len(table.time) * length * f)
+    samples = 4 * math.ceil(np.clip(least, SAMPLES, MOST_SAMPLES) / 4)
     step = length / samples
     settled = 2.0 * math.log(1.0 / LEFT) / c if c > 0.0 else math.inf
     windows = int(np.clip(math.ceil(min(settled / length, MOST_WINDOWS)), WINDOWS, MOST_WINDOWS))

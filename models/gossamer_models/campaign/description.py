@@ -19,14 +19,14 @@ from numpy.typing import NDArray
 from ..membrane import Setup, Structure, make_structure, read_mesh, read_structure, square_structure, surface_mesh
 from ..membrane.surface import refined
 from ..mistakes import DescriptionError, Mistake, disordered, raise_any
+from ..twin.nuisances import LoadTable
 from ..variables import Variable
 
 Pair = tuple[float, float]
 MOST_STEPS = 1_000_000
 MOST_CASES_PER_CHUNK = 4096
 DEEPEST = 0.95  # largest damage that the membrane takes [1]
-SENSOR_GAIN = "sensor_gain"  # it and the noise can vary and are no variables of the membrane
-NOISE = "noise"
+SENSOR_GAIN, NOISE, LOAD = OF_NO_VARIABLE = "sensor_gain", "noise", "load"  # factors [1] that can vary
 ONSET = "onset"
 
 
@@ -113,6 +113,8 @@ class Mesh:
         The structure that the setup was read from, as ``structure_text`` wrote it; its mesh takes the place of the file.
     parameters : mapping of str to float
         Parameters and constant inputs by name; the others keep their start values.
+    load : LoadTable or None
+        Inputs over time: a case begins at rest under the first of them.
     """
 
     elements_per_side: int = 4
@@ -121,6 +123,7 @@ class Mesh:
     setup: Setup | None = None
     carried: str = ""
     parameters: Mapping[str, float] = field(default_factory=dict)
+    load: LoadTable | None = None
 
     def __post_init__(self) -> None:
         given = [row.name for row in fields(self)[:3] if getattr(self, row.name) != row.default]
@@ -128,7 +131,17 @@ class Mesh:
             text = f"{given[0]!r} is of the square membrane, and the setup says its own. Remove one of them."
             raise DescriptionError(Mistake((given[0],), text))
         _ = self.structure
-        raise_any([m for name, value in self.parameters.items() for m in self.outside(("parameters", name), value)])
+        mistakes = [m for name, value in self.parameters.items() for m in self.outside(("parameters", name), value)]
+        if self.load is not None and self.load.states:
+            mistakes.append(Mistake(("load",), "these are states of rest, and a case is a history. Write a column of time."))
+        both = "stands in the table of loads and is a constant, too. Remove one of them."
+        twice = [Mistake(("parameters", name), f"{name!r} {both}") for name in self.parameters if name in self.histories]
+        raise_any(mistakes + twice)
+
+    @property
+    def histories(self) -> tuple[str, ...]:
+        """Inputs that change over time."""
+        return () if self.load is None else tuple(self.load.values)
 
     @property
     def structure(self) -> Structure:
@@ -338,16 +351,20 @@ class CampaignPlan:
             yield Mistake(("stop",), text)
 
     def _vary_mistakes(self, name: str, vary: Vary) -> Iterator[Mistake]:
-        if name in (SENSOR_GAIN, NOISE):
+        if name in OF_NO_VARIABLE:
             if vary.limits(1.0)[0] < 0.0:
                 yield Mistake((name,), f"{name!r} begins below 0. Write a range from 0 or a factor.")
             if name == NOISE and self.noise == MeasurementNoise():
                 yield Mistake((name,), "there is no noise to vary. Add [noise], or remove it.")
+            if name == LOAD and self.membrane.load is None:
+                yield Mistake((name,), "there is no table of loads to vary. Add load to [membrane], or remove it.")
             return
         known = self.membrane.settable
         if name not in known:
-            yield Mistake((name,), f"the membrane has no {name!r} to vary.", name, (*known, SENSOR_GAIN, NOISE))
+            yield Mistake((name,), f"the membrane has no {name!r} to vary.", name, (*known, *OF_NO_VARIABLE))
             return
+        if name in self.membrane.histories:
+            yield Mistake((name,), f"{name!r} stands in the table of loads. Vary {LOAD!r}, a factor on all of them.")
         if vary.range is not None and name in self.membrane.parameters:
             text = f"{name!r} has a range and a constant value in [membrane]. Remove one of them, or write a factor."
             yield Mistake((name,), text)
@@ -358,7 +375,7 @@ class CampaignPlan:
 
     def base(self, name: str) -> float:
         """Return the constant value of a quantity that can vary."""
-        if name in (SENSOR_GAIN, NOISE):
+        if name in OF_NO_VARIABLE:
             return 1.0
         return self.membrane.base(name)
 

@@ -27,7 +27,7 @@ from ..compensator.estimator import HALF_WIDTHS
 from ..errors import DataError
 from ..membrane.portable import structure_text
 from .chunk import Kernels
-from .description import NOISE, ONSET, SENSOR_GAIN, CampaignPlan
+from .description import LOAD, NOISE, ONSET, SENSOR_GAIN, CampaignPlan
 from .symmetry import find_symmetry
 
 if TYPE_CHECKING:
@@ -47,6 +47,8 @@ def identity(campaign: CampaignPlan, kernels: Kernels) -> dict[str, Any]:
     if campaign.membrane.setup is not None:
         del content["membrane"]["setup"]["mesh"]  # and that of the membrane for its mesh
     del content["membrane"]["carried"]
+    if campaign.membrane.load is None:
+        del content["membrane"]["load"]
     models = {f"model.{name}": digest for name, digest in kernels.digests.items()}
     engine = "compiled" if kernels.membrane.compiled else "stepper"  # they differ by round-off
     return {"gossamer": version("gossamer"), "kernels": engine, **models, **dict(_flat(json.loads(json.dumps(content)), ""))}
@@ -185,8 +187,9 @@ def _variables(campaign: CampaignPlan) -> dict[str, tuple[tuple[str, ...], str, 
         for name in sorted(campaign.vary)
         if name in settable
     }
-    if NOISE in campaign.vary:
-        varied[NOISE] = (("case",), "f8", "1", "Factor on the noise")
+    for name, what in ((NOISE, "noise"), (LOAD, "loads")):
+        if name in campaign.vary:
+            varied[name] = (("case",), "f8", "1", f"Factor on the {what}")
     if campaign.begins:
         varied[ONSET] = (("case",), "f8", "s", "When damage begins; 0: it is there from the start")
     histories = {"strain": (HISTORY, "f4", "1", "Strain of the membrane at its sensors, prestrain included, without noise")}

@@ -109,17 +109,20 @@ def find_symmetry(campaign: CampaignPlan, kernels: Kernels) -> Symmetry:
         Its models.
     """
     from .cases import draw_cases
+    from .chunk import acting_on
 
     drawn = draw_cases(campaign, [0])
+    first, acting = acting_on(campaign, drawn)
     varied = {name: value for name, value in drawn.varied.items() if name in campaign.membrane.settable}
     damage = np.linspace(0.1, 0.4, kernels.zones)[None]  # other in every zone
-    steps = min(campaign.steps, _STEPS)
+    steps = campaign.steps if acting else min(campaign.steps, _STEPS)
     *candidates, alone = mirrors(campaign.membrane.structure)
     for symmetry in candidates:
         rows = damage[0][symmetry.zones]
-        start: dict[str, ArrayLike] = {**campaign.membrane.parameters, **varied, "damage": rows}
+        start: dict[str, ArrayLike] = {**campaign.membrane.parameters, **first, **varied, "damage": rows}
         histories = np.repeat(rows.T[:, :, None], steps, 2)
-        inputs = dict(zip(kernels.membrane.inputs, histories, strict=False))  # none where damage does not begin
+        damages = kernels.membrane.inputs[: len(kernels.membrane.inputs) - len(acting)]  # none where damage does not begin
+        inputs = dict(zip(damages, histories, strict=False)) | {name: np.ravel(load) for name, load in acting.items()}
         run = kernels.membrane.run(steps, campaign.step, start, inputs)
         expected = symmetry.images(run.results[:1], damage)[0]
         if np.abs(run.results - expected).max() <= _ALIKE * np.ptp(expected, axis=2).max():

@@ -6,7 +6,7 @@ import json
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from ..artifacts import read_arrays, read_artifact, write_artifact
 from ..errors import ArtifactError
 from ..membrane import Setup, Structure, read_structure
 from ..membrane.portable import TABLES
+from ..twin.nuisances import LoadTable
 from .features import BLOCK, PACKETS
 
 SCHEMA, VERSION = "gossamer.detector", 1
@@ -61,6 +62,8 @@ class TrainedWindows(ABC):
         Membrane on a mesh that it is trained for, as ``structure_text`` writes it; empty for the square.
     parameters : dict of str to float
         Parameters and constant inputs of that membrane which differ from its own.
+    load : LoadTable or None
+        Inputs over time that are not the built-in pressure.
     provenance : dict
         How it was trained.
     """
@@ -71,6 +74,7 @@ class TrainedWindows(ABC):
     zone_names: tuple[str, ...] = ()
     structure: str = ""
     parameters: dict[str, float] = field(default_factory=dict)
+    load: LoadTable | None = None
     provenance: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -143,7 +147,8 @@ class TrainedWindows(ABC):
         """Return what the card of the file says of the windows."""
         times = {"start_time": self.start_time, "sampling_step": self.sampling_step, "samples": self.samples}
         structure = json.loads(self.structure) if self.structure else None
-        return times | {"zone_names": list(self.zone_names), "structure": structure, "parameters": self.parameters}
+        membrane = {"structure": structure, "parameters": self.parameters, "load": self.load and asdict(self.load)}
+        return times | {"zone_names": list(self.zone_names)} | membrane
 
     @staticmethod
     def of_card(card: dict[str, Any]) -> dict[str, Any]:
@@ -155,6 +160,7 @@ class TrainedWindows(ABC):
             "zone_names": tuple(card.get("zone_names", ())),
             "structure": "" if there is None else json.dumps(there),
             "parameters": {name: float(value) for name, value in card.get("parameters", {}).items()},
+            "load": LoadTable.stored(card.get("load")),
             "provenance": dict(card["provenance"]),
         }
 

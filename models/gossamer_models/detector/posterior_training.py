@@ -20,6 +20,7 @@ from threadpoolctl import threadpool_limits
 from ..arrays import Matrix, Vector
 from ..campaign.symmetry import Symmetry
 from ..errors import DataError
+from ..twin.nuisances import LoadTable
 from . import posterior_records as records
 from .features import block_means, principal_components
 from .networks import PEAKS
@@ -83,6 +84,7 @@ def train_posterior(
         zone_names=tuple(data["zone"].attrs["names"]),
         structure=data.attrs.get("structure", ""),
         parameters=campaign["membrane"]["parameters"],
+        load=LoadTable.stored(campaign["membrane"].get("load")),
         block=t.block,
         windows=windows,
         periodic=data.sizes["time"] > t.windows * t.samples,

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import BSpline
@@ -86,6 +87,14 @@ class LoadTable:
 
     values: Mapping[str, tuple[float, ...]]
     time: tuple[float, ...] = ()
+
+    @classmethod
+    def stored(cls, content: Mapping[str, Any] | None) -> LoadTable | None:
+        """Make it of what ``asdict`` gave, or None of None."""
+        if content is None:
+            return None
+        values = {name: tuple(map(float, load)) for name, load in content["values"].items()}
+        return cls(values=values, time=tuple(map(float, content["time"])))
 
     @property
     def states(self) -> int:
