@@ -3,7 +3,9 @@
 ``python -m studies.structures [CASES] [ROW ...]`` from the folder ``docs`` prints a table; rows by name, all by default, and
 the first line says which there are. Random cases have 1 to 3 damaged zones of 5 to 50 %; strain has white noise of 1e-4 a
 sample, resistance of 0.1 % of its change at full scale; offsets are unknown. Records of motion have 400 samples, the sail
-has 8 states of 10 readings. ``*_finer`` are records of a mesh of four times the elements, which the twin does not know.
+has 8 states of 10 readings. ``*_finer`` are records of a mesh of four times the elements, which the twin does not know,
+``*_healthy`` those less a healthy record of that mesh. ``*_24`` have 24 zones and 16 sensors, chosen by place-sensors.
+``tube_strain`` has the strain noise at which a sensor without hysteresis tells as much as that of ``tube_resistance``.
 ``*_watch`` are records in which 20 to 50 % damage of one zone begin after 12 periods, with a load 3 % above or below what
 the watch knows; an alarm comes in time if it comes within three periods.
 """
@@ -13,12 +15,16 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
-from gossamer_models.membrane import Structure
-from gossamer_models.twin import Answer, MembraneForward, MeshErrors, ResponseRecord, StaticRecord, Twin, Watch
+from gossamer_models.membrane import Structure, Zone, make_structure
+from gossamer_models.placement import place_sensors
+from gossamer_models.sensor import default_artifact
+from gossamer_models.twin import Answer, LoadTable, MembraneForward, MeshErrors, ResponseRecord, StaticRecord, Twin, Watch
+from gossamer_models.twin.simulation import SensedForward
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -26,6 +32,10 @@ SAMPLES, READINGS = 400, 10
 NOISE = 1e-4  # of strain, a sample [1]
 BEFORE, WINDOWS = 12, 18  # windows before the one in which damage begins, and in all
 WRONG_LOAD = 0.03
+STEP = 2.4e-4  # [s]
+RESISTANCE_NOISE = 1e-3  # of the change of resistance at full scale
+EQUIVALENT = RESISTANCE_NOISE * 0.5  # of strain: the sensor's full scale
+QUIET = {"pressure_amplitude": 0.0}
 TUBE = {"base_acceleration[2]": (40.0, 25.0), "base_acceleration[3]": (40.0, 40.0), "base_acceleration[1]": (20.0, 60.0)}
 
 
@@ -46,6 +56,9 @@ class Row:
     load: Callable[[Array], Mapping[str, Array]] = lambda _: {}  # inputs at times [s], or in states
     parameters: Mapping[str, float] = field(default_factory=dict)
     finer: bool = False  # whether the record is of a mesh of four times the elements
+    healthy: bool = False  # whether a healthy record of the structure is taken from it
+    noise: float = NOISE  # of strain
+    resistance: bool = False  # whether the twin is fitted to what sensors with hysteresis read
 
 
 def shaken(time: Array) -> dict[str, Array]:
@@ -57,6 +70,22 @@ def pulled(_: Array) -> dict[str, Array]:
     """Pull the sail taut and press on it, in eight states."""
     tension, pressure = np.meshgrid([0.9, 1.2], [0.1, 0.3, 0.6, 1.0])
     return {"boom_x": tension.ravel(), "boom_y": tension.ravel(), "pressure": pressure.ravel()}
+
+
+def divided(name: str, sensors: int, other: Callable[[Zone], Zone]) -> Structure:
+    """Return a shipped structure with other zones, and with sensors that are chosen for them."""
+    structure = shipped(name)
+    setup = replace(structure.setup, zones=(other(structure.setup.zones[0]),))
+    structure = make_structure(setup, structure.mesh)
+    load, table = ({}, None) if name == "reflector" else (QUIET, table_of(shaken))
+    chosen = place_sensors(structure, load, sensors, loads=table, noise=NOISE).chosen.sensors
+    return make_structure(replace(setup, sensors=chosen), structure.mesh)
+
+
+def table_of(load: Callable[[Array], Mapping[str, Array]]) -> LoadTable:
+    """Return the loads of a record as a table that place-sensors takes."""
+    time = STEP * np.arange(SAMPLES + 1.0)
+    return LoadTable(values={name: tuple(values) for name, values in load(time).items()}, time=tuple(time))
 
 
 def damages(count: int, zones: int, seed: int = 3) -> Array:
@@ -76,9 +105,14 @@ def records(row: Row, structure: Structure, damage: Array) -> list[ResponseRecor
     times = row.step * np.arange(1.0, SAMPLES + 1.0)
     load = {name: np.asarray(values) for name, values in row.load(times).items()}
     if row.step:
-        strain = forward.strain(damage, {}, load, SAMPLES, row.step)
-        noisy = strain + NOISE * random.standard_normal(strain.shape)
-        return [ResponseRecord(step=row.step, values=y, noise=NOISE, inputs=load) for y in noisy]
+        read = forward.strain(damage, {}, load, SAMPLES, row.step)
+        noise: float | Array = row.noise
+        if row.resistance:
+            sensed = SensedForward(forward, default_artifact())
+            read, noise = sensed.resistance(read, row.step), RESISTANCE_NOISE * sensed.scale("resistance")[1][:, 0]
+        noisy = read + np.reshape(noise, (-1, 1)) * random.standard_normal(read.shape)
+        kind: Literal["strain", "resistance"] = "resistance" if row.resistance else "strain"
+        return [ResponseRecord(step=row.step, values=y, noise=noise, inputs=load, kind=kind) for y in noisy]
     strain = np.repeat(forward.states(damage, {}, load), READINGS, axis=2)
     noisy = strain + NOISE * random.standard_normal(strain.shape)
     count = strain.shape[2] // READINGS
@@ -92,7 +126,11 @@ def measure(name: str, row: Row, count: int) -> str:
     damage = damages(count, structure.n_zones)
     made = records(row, structure, damage)
     twin = Twin(
-        structure, parameters=row.parameters, mesh_error=MeshErrors(structure, row.parameters) if row.finer else None
+        structure,
+        parameters=row.parameters,
+        mesh_error=MeshErrors(structure, row.parameters) if row.finer else None,
+        healthy=records(row, structure, np.zeros((1, structure.n_zones)))[0] if row.healthy else None,
+        sensor=default_artifact() if row.resistance else None,
     )
     answers, begun = list[Answer](), time.process_time()
     for record in made:
@@ -156,10 +194,19 @@ HEAD = (
     " strain [1] |\n|---|---|---|---|---|---|---|---|---|---|---|---|"
 )
 ROWS = {
-    "dish": Row("0.2 / 1", lambda: shipped("reflector"), 2.4e-4),
-    "tube": Row("0.2 / 1", lambda: shipped("tube"), 2.4e-4, shaken, {"pressure_amplitude": 0.0}),
+    "dish": Row("0.2 / 1", lambda: shipped("reflector"), STEP),
+    "tube": Row("0.2 / 1", lambda: shipped("tube"), STEP, shaken, QUIET),
     "sail": Row("0.6 / 4", lambda: shipped("sail"), 0.0, pulled),
-    "dish_finer": Row("1 / 3", lambda: shipped("reflector"), 2.4e-4, finer=True),
+    "dish_finer": Row("1 / 3", lambda: shipped("reflector"), STEP, finer=True),
+    "dish_healthy": Row("1 / 3", lambda: shipped("reflector"), STEP, finer=True, healthy=True),
+    "dish_24": Row(
+        "0.5 / 3",
+        lambda: divided("reflector", 16, lambda z: replace(z, rings=(0.2, 0.5, 0.75), sectors=(1, 5, 8, 10))),
+        STEP,
+    ),
+    "tube_24": Row("0.5 / 3", lambda: divided("tube", 16, lambda z: replace(z, sectors=4, slices=6)), STEP, shaken, QUIET),
+    "tube_resistance": Row("2 x tube_strain", lambda: shipped("tube"), STEP, shaken, QUIET, resistance=True),
+    "tube_strain": Row("", lambda: shipped("tube"), STEP, shaken, QUIET, noise=EQUIVALENT),
 }
 WATCHED = {"dish_watch": "reflector", "drum_watch": "drum"}
 

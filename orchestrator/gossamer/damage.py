@@ -126,6 +126,7 @@ def twin(
     stop: float | None = None,
     sparse: bool = True,
     mesh_error: bool | None = None,
+    healthy: AnyPath | None = None,
     show_invalid: bool = False,
     out: File | None = None,
     **options: Unpack[TwinOptions],
@@ -154,6 +155,9 @@ def twin(
     mesh_error
         Allow for what finer meshes change, from simulations that take minutes once; by default of a table with a setup, not
         of results of a run, whose mesh is that of the twin.
+    healthy
+        Record of the same structure without damage, under the same loads: what it has beside the simulation is taken from
+        the other, and of the error of the mesh what damage changes is left.
     show_invalid
         Show the damage of the zones even if the answer is not valid; otherwise it is withheld.
     out
@@ -177,6 +181,8 @@ def twin(
         gossamer twin measured.csv --known frequency,gain --set pressure_amplitude=9500
 
         gossamer twin states.csv --setup sail
+
+        gossamer twin states.csv --setup sail --healthy before.csv
     """
     from gossamer_files import replacing
     from gossamer_files.measured import header_of, of_a_run
@@ -188,9 +194,10 @@ def twin(
 
     source, console = Path(record), stderr()
     path = beside(source, TWIN) if out is None else json_file(out)
-    keep_inputs([file_of(source), options["sensor"]], [out, path])
+    keep_inputs([file_of(source), options["sensor"], healthy], [out, path])
     with console.status("reading"):
         found = find_record(source, options, stop)
+        before = None if healthy is None else find_record(Path(healthy), options).record
     logger.info("%d samples of %s, %g s apart", found.record.samples, found.record.kind, found.record.step)
     with progress_bar("fitting") as bar:
         bar.update(text="compiling,")
@@ -207,6 +214,7 @@ def twin(
         fitting = Twin(
             **given,
             mesh_error=errors,
+            healthy=before,
             nuisances=names_of(fit),
             known=BY_DEFAULT if names_of(known) == ("all",) else names_of(known),
             sparse=sparse,

@@ -1,7 +1,10 @@
 """The error of a twin's mesh: stated, part of the deviations, and the end of valid answers where it hides damages."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from gossamer_models import DataError, ParameterError
 from gossamer_models.membrane import Region, Sensor, Setup, Support, Zone, make_structure, surface_mesh
 from gossamer_models.twin import MembraneForward, MeshErrors, StaticRecord, Twin, mesh_error
 from oracles.meshes import meshed, rectangle
@@ -77,6 +80,35 @@ def test_no_answer_is_valid_where_the_error_hides_more_than_the_noise(coarse, tr
     noisy = Twin(coarse, mesh_error=errors).fit(record(truth, damage, 5e-3))
     assert noisy.valid
     assert noisy.damage[1] == pytest.approx(0.3, abs=3.0 * noisy.deviation[1])
+
+
+def test_a_healthy_record_leaves_of_the_error_what_damage_changes(coarse, truth, errors):
+    """The truth has elements of order 4: less its healthy record, deviations are smaller, and hold."""
+    healthy, z, before, after = record(truth, np.zeros(4), 2e-4, seed=9), [], [], []
+    for k in range(4):
+        damage = np.where(np.arange(4) == k, 0.3, 0.0)
+        made = record(truth, damage, 2e-4, seed=k)
+        known = {"mesh_error": errors, "sparse": False, "known": ["amplitude"]}
+        alone, less = (Twin(coarse, healthy=each, **known).fit(made) for each in (None, healthy))
+        z.append((less.damage - damage) / less.deviation)
+        before.append(alone.deviation.max())
+        after.append(less.deviation.max())
+        assert not (less.valid and np.any(np.abs(less.damage - damage) > np.maximum(0.05, 3.0 * less.deviation)))
+    assert max(after) < min(before)
+    assert np.sqrt(np.mean(np.square(z))) < 1.5
+
+
+def test_a_healthy_record_needs_the_error_of_the_mesh_and_the_same_test(coarse, errors):
+    healthy = record(coarse, np.zeros(4), 1e-4)
+    with pytest.raises(ParameterError, match=r"only where the error of the mesh is known.* mesh_error="):
+        Twin(coarse, healthy=healthy)
+    for other, message in (
+        (replace(healthy, names=tuple("ghijkl")), "other load states"),
+        (replace(healthy, inputs={"pressure": 1.1 * PRESSURE}), "another load 'pressure'"),
+        (healthy.without([0]).ordered([0, 1, 2]), "other sensors"),
+    ):
+        with pytest.raises(DataError, match=message):
+            Twin(coarse, mesh_error=errors, healthy=other).fit(record(coarse, np.zeros(4), 1e-4))
 
 
 def test_a_mesh_that_has_converged_raises_no_doubt(truth):

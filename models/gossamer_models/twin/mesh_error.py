@@ -15,7 +15,7 @@ import hashlib
 import io
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -27,7 +27,7 @@ from ..membrane import Structure
 from .forward import MembraneForward
 from .least_squares import DAMAGE_STEP
 from .problem import RecordWeights
-from .record import ResponseRecord, StaticRecord
+from .record import SAME_LOAD, ResponseRecord, StaticRecord
 
 VERSION = 2  # of what is kept
 PAIRS, STILL_FINER = 32, 8  # simulations with random damage, and how many of them on a still finer mesh
@@ -62,6 +62,8 @@ class MeshError:
         Standard deviation of the record.
     static : bool
         Whether these are states, not samples.
+    healthy : bool
+        Whether the error of the undamaged membrane is taken away.
     """
 
     strain: Matrix
@@ -70,6 +72,14 @@ class MeshError:
     still_finer: Matrix
     noise: Vector
     static: bool
+    healthy: bool = False
+
+    def beside_healthy(self) -> MeshError:
+        """Return what is left of the error where a healthy record under nearly the same load is taken from others."""
+        factor = 1.0 + SAME_LOAD * np.random.default_rng(0).standard_normal(len(self.finer))
+        less = factor[:, None, None] * self.finer[:1]
+        still_finer = self.still_finer - factor[: len(self.still_finer), None, None] * self.still_finer[:1]
+        return replace(self, finer=(self.finer - less)[1:], still_finer=still_finer[1:], healthy=True)
 
     @property
     def share(self) -> float:
@@ -176,9 +186,11 @@ class MeshErrors:
         self, structure: Structure, parameters: Mapping[str, float] | None = None, report: Report = lambda *_: None
     ) -> None:
         self.structure, self.parameters, self._report = structure, dict(parameters or {}), report
-        self._known: dict[tuple[str, str, bytes], MeshError] = {}
+        self._known: dict[tuple[str, str, bytes, bool], MeshError] = {}
 
-    def of(self, record: ResponseRecord, read: Callable[[Matrix], Matrix] = np.asarray) -> MeshError:
+    def of(
+        self, record: ResponseRecord, read: Callable[[Matrix], Matrix] = np.asarray, *, healthy: bool = False
+    ) -> MeshError:
         """Return the error under the loads of a record, in its unit.
 
         Parameters
@@ -187,6 +199,8 @@ class MeshErrors:
             Loads, step and length.
         read : callable
             What its sensors read of strain, shape (m, s, n).
+        healthy : bool
+            Whether a healthy record under the same loads is taken from it.
 
         Raises
         ------
@@ -195,7 +209,7 @@ class MeshErrors:
         """
         noise = record.noise_deviation()
         key = self._key(record)
-        known = key, record.kind, noise.tobytes()
+        known = key, record.kind, noise.tobytes(), healthy
         if known not in self._known:
             file = kept_library([key], ".npz", lambda: self._simulated(record), "the error of a mesh")
             with np.load(file, allow_pickle=False) as arrays:
@@ -210,7 +224,8 @@ class MeshErrors:
             }
             noise = noise * math.sqrt(record.states / record.samples)  # a state is read several times
             noise = np.where(noise > 0.0, noise, np.nanmax(noise))  # of sensors that are left out
-            self._known[known] = MeshError(**found, noise=noise, static=isinstance(record, StaticRecord))
+            error = MeshError(**found, noise=noise, static=isinstance(record, StaticRecord))
+            self._known[known] = error.beside_healthy() if healthy else error
         return self._known[known]
 
     @cached_property
@@ -219,11 +234,14 @@ class MeshErrors:
 
     def doubts(self, found: MeshError) -> list[str]:
         """Return sentences on the error, and which order or mesh would do; none if it is small."""
+        hides = f", which makes the damages {found.blur:.2g} times as uncertain as the noise alone, so no answer is valid"
+        if found.healthy:
+            text = f"finer elements change what damage does to the strain{hides}. Use a finer mesh or another order"
+            return [text] * found.buries
         if found.share <= GOAL:
             return []
         better = self._better(found)
         again = "finer elements of this mesh change it again: mesh with quadrilaterals of 9 nodes and order = 3 or more"
-        hides = f", which makes the damages {found.blur:.2g} times as uncertain as the noise alone, so no answer is valid"
         text = f"finer elements change the strain by {100.0 * found.share:.2g} % of its change{hides * found.buries}"
         return [f"{text}. {(better or again).capitalize()}"]
 

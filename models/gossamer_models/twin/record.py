@@ -23,6 +23,8 @@ DIFFERENCES = 6  # order of the differences that show noise
 DEAD = 1e-9  # spread over magnitude of a sensor that does not move
 MOST_WIRINGS = 6  # pairs of swapped sensors that are looked into, and wrong ones
 ALIKE = 0.02  # of a misfit: readings that fit equally well, as mirrored ones do
+SAME_STEP = 1e-6  # of a step
+SAME_LOAD = 0.01  # of its size: how far the loads of a healthy record may be from those of another
 LEAST_REPEATED = 8  # degrees of freedom of a noise that is estimated from repeated readings
 
 
@@ -124,6 +126,10 @@ class ResponseRecord:
         inputs = {name: load[:samples] for name, load in self.inputs.items()}
         return replace(self, values=self.values[:, :samples], inputs=inputs)
 
+    def at(self, other: ResponseRecord) -> tuple[Matrix, float]:
+        """Return the values at the samples of another record, and how many times their noise counts there."""
+        return self.values[:, : other.samples], 1.0
+
     def ordered(self, order: Sequence[int]) -> ResponseRecord:
         """Return the record with its rows in another order."""
         return replace(self, values=self.values[list(order)])
@@ -193,6 +199,13 @@ class StaticRecord(ResponseRecord):
         """Return the first readings, with all states."""
         return replace(self, values=self.values[:, :samples], state=self.state[:samples])
 
+    def at(self, other: ResponseRecord) -> tuple[Matrix, float]:
+        """Return the mean reading in the state of each reading of another record with the same states."""
+        assert isinstance(other, StaticRecord)
+        means = np.stack([self.values[:, self.state == k].mean(axis=1) for k in range(self.states)], axis=1)
+        many, own = (np.bincount(each.state, minlength=each.states) for each in (other, self))
+        return means[:, other.state], math.sqrt(float((many / own).max()))  # a mean is the same for all readings of a state
+
     def noise_deviation(self) -> Vector:
         """Return the standard deviation of the noise of each sensor, shape (sensors,): given, or of repeated readings."""
         if self.noise is not None:
@@ -209,6 +222,55 @@ class StaticRecord(ResponseRecord):
                 msg = f"sensor {k + 1} repeats its readings exactly, so its noise is not known. State the noise."
                 raise DataError(msg)
         return found
+
+
+def less_healthy(record: ResponseRecord, healthy: ResponseRecord, undamaged: Matrix) -> ResponseRecord:
+    """Take what a healthy record has beside an undamaged model from a record under the same loads.
+
+    Parameters
+    ----------
+    record, healthy : ResponseRecord
+        Of one structure before and after damage; the mean of the healthy readings counts in each load state.
+    undamaged : ndarray, shape (sensors, n)
+        What the model says of the healthy structure under the loads of the record.
+
+    Returns
+    -------
+    ResponseRecord
+        With the noise of both; no longer than the shorter one.
+
+    Raises
+    ------
+    DataError
+        The records have other sensors, times, states or loads.
+    """
+    what = _unlike_of(record, healthy)
+    if what:
+        msg = f"the healthy record has {what}. Record both with the same sensors, under the same loads, from the same begin."
+        raise DataError(msg)
+    own = record.noise_deviation()
+    there, factor = healthy.at(record)
+    record = record.first(there.shape[1])
+    noise = np.hypot(own, factor * healthy.noise_deviation())
+    values = record.values - there + undamaged[:, : record.samples]
+    return replace(record, values=values, noise=np.where(np.isfinite(noise), noise, 1.0))  # 1: of sensors that are left out
+
+
+def _unlike_of(record: ResponseRecord, healthy: ResponseRecord) -> str:
+    """Say in what a healthy record is not taken as another is; nothing if it is."""
+    if (type(record), record.kind, len(record.values)) != (type(healthy), healthy.kind, len(healthy.values)):
+        return "other sensors, another signal, or load states in place of times"
+    if isinstance(record, StaticRecord) and isinstance(healthy, StaticRecord):
+        if record.names != healthy.names:
+            return "other load states"
+    elif abs(record.step - healthy.step) > SAME_STEP * record.step:
+        return f"a step of {healthy.step:g} s, not {record.step:g} s"
+    n = min(record.states, healthy.states)
+    for name in sorted({*record.inputs, *healthy.inputs}):
+        one, other = (np.broadcast_to(each.inputs.get(name, np.nan), (each.states,))[:n] for each in (record, healthy))
+        if not np.abs(one - other).max() <= SAME_LOAD * np.abs(one).max():
+            return f"another load {name!r}"
+    return ""
 
 
 def dead_sensors(record: ResponseRecord) -> list[int]:

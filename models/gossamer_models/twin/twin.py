@@ -11,9 +11,11 @@ from functools import partial
 from typing import Literal
 
 import numpy as np
+from gossamer_files.options import option
 from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
+from ..arrays import Matrix
 from ..errors import DataError, ParameterError
 from ..membrane import Structure
 from ..sensor import SensorArtifact
@@ -38,7 +40,16 @@ from .nuisances import (
 )
 from .problem import DamageUnknowns, RecordProblem
 from .reasons import likely_reason
-from .record import LEAST_SAMPLES, ResponseRecord, StaticRecord, Wiring, best_wiring, dead_sensors, other_wirings
+from .record import (
+    LEAST_SAMPLES,
+    ResponseRecord,
+    StaticRecord,
+    Wiring,
+    best_wiring,
+    dead_sensors,
+    less_healthy,
+    other_wirings,
+)
 from .search import Fit, begun, search
 from .simulation import SensedForward
 
@@ -83,6 +94,9 @@ class Twin:
     mesh_error : MeshErrors or None
         What finer meshes change under the loads of a record; None if it comes from a simulation with the twin's mesh, or
         where a discrepancy is known. Where it hides more of the damages than the noise does, no answer is valid.
+    healthy : ResponseRecord or None
+        Record of the same structure without damage under the same loads: what it has beside the model is taken from every
+        other one. Only with ``mesh_error``, of which the part is left that damage changes.
     whole : bool
         Whether a record is compared whole that takes more than 5000 internal steps.
 
@@ -109,10 +123,11 @@ class Twin:
         sparse: bool = True,
         discrepancy: Discrepancy | Literal["learned"] | None = "learned",
         mesh_error: MeshErrors | None = None,
+        healthy: ResponseRecord | None = None,
         whole: bool = False,
     ) -> None:
         self.nuisances, self.sparse, self._mesh_error, self._whole = tuple(nuisances), sparse, mesh_error, whole
-        self.known = tuple(known)
+        self.known, self._healthy = tuple(known), healthy
         self._forward = forward_of(structure, parameters)
         self._sensed = SensedForward(self._forward, sensor, sensor_parameters)
         self.parameters = self._forward.parameters
@@ -121,6 +136,12 @@ class Twin:
         if discrepancy == "learned":
             discrepancy = default_discrepancy() if is_learned(self._forward) else None
         self.discrepancy = discrepancy
+        if healthy is not None and (mesh_error is None or discrepancy is not None):
+            msg = (
+                "a healthy record does not tell what damage does on a finer mesh, so it is taken from others only where the "
+                f"error of the mesh is known. Use it with a setup, and with {option('mesh_error')}."
+            )
+            raise ParameterError(msg)
 
     @property
     def zones(self) -> int:
@@ -239,7 +260,15 @@ class Twin:
             msg = "no sensor has values that move. Check the columns and the wiring."
             raise DataError(msg)
         self._check(record)
-        return record, doubts
+        return record if self._healthy is None else less_healthy(record, self._healthy, self._undamaged(record)), doubts
+
+    def _undamaged(self, record: ResponseRecord) -> Matrix:
+        """Return what the sensors read of the undamaged model under the loads of a record, shape (sensors, n)."""
+        nothing, static = np.zeros((1, self.zones)), isinstance(record, StaticRecord)
+        unknowns = DamageUnknowns(self._forward, self._nuisances((), record))
+        strain = unknowns.histories(nothing, record.states, 0.0 if static else record.step)
+        strain = strain[:, :, record.state] if isinstance(record, StaticRecord) else strain
+        return np.asarray(self._sensed.read(strain, record.kind, record.step)[0])
 
     def _check(self, record: ResponseRecord) -> None:
         """Refuse more unknowns than readings, and load states without an equilibrium."""
@@ -326,7 +355,8 @@ class Twin:
         """Return the error of the mesh under the loads of a record, where no discrepancy stands for it."""
         if self._mesh_error is None or self.discrepancy is not None:
             return None
-        return self._mesh_error.of(record, partial(self._sensed.read, kind=record.kind, h=record.step))
+        read = partial(self._sensed.read, kind=record.kind, h=record.step)
+        return self._mesh_error.of(record, read, healthy=self._healthy is not None)
 
     def _other_wiring(self, record: ResponseRecord, fit: Fit, report: Callable[[float, int], None]) -> Wiring | None:
         """Return another reading of a record that does not fit as it is, or None if none fits either."""
