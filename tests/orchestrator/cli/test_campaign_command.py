@@ -167,6 +167,15 @@ def test_an_artifact_is_looked_for_beside_the_file(tmp_path):
     assert campaign.chain.artifact == str(tmp_path / "mine.json")
 
 
+def test_a_table_of_loads_is_looked_for_beside_the_file(tmp_path):
+    (tmp_path / "shake.csv").write_text("time [ms],base_acceleration [m/s2]\n0,0\n1,5\n2,0\n")
+    path = written(tmp_path)
+    path.write_text(path.read_text().replace("[membrane]", '[membrane]\nload = "shake.csv"'))
+    campaign, _ = load_campaign(path)
+    assert campaign.membrane.load.values == {"base_acceleration": (0.0, 5.0, 0.0)}
+    assert campaign.membrane.load.length == pytest.approx(2e-3)
+
+
 def test_an_interruption_says_how_to_go_on(call, tmp_path, monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt

@@ -230,15 +230,34 @@ def strip(tmp_path):
     return tmp_path / "strip.toml"
 
 
-def test_load_states_of_a_setup_give_damage_by_the_names_of_its_zones(call, strip, tmp_path):
-    """Of St Venant and Kirchhoff: the force of both nodes over the section is E (1 - d) (e + e^2/2) (1 + e)."""
+def states(path, far, off=0.0):
+    """Write the readings of a strip, whose far zone has lost some stiffness, under three forces.
+
+    Of St Venant and Kirchhoff: the force of both nodes over the section is E (1 - d) (e + e^2/2) (1 + e).
+    """
     rows = []
     for force in (2.0, 4.0, 6.0):
-        stretched = [np.roots([0.5, 1.5, 1.0, -2.0 * force / 1e-5 / (1e8 * left)]) for left in (1.0, 0.7)]
-        strain = [float(roots[np.abs(roots - 0.05).argmin()].real) for roots in stretched]
+        stretched = [np.roots([0.5, 1.5, 1.0, -2.0 * force / 1e-5 / (1e8 * left)]) for left in (1.0, 1.0 - far)]
+        strain = [float(roots[np.abs(roots - 0.05).argmin()].real) + off * force for roots in stretched]
         rows += [f"{force:g} N,{1e3 * force:g},{strain[0]!r},{strain[1]!r}"] * 2
-    table = tmp_path / "states.csv"
-    table.write_text("\n".join(["state,pull [mN],strain[1],strain[2]", *rows]))
+    path.write_text("\n".join(["state,pull [mN],strain[1],strain[2]", *rows]))
+    return path
+
+
+def test_what_a_healthy_record_has_beside_the_simulation_is_taken_away(call, strip, tmp_path):
+    options = ("--setup", strip, "--noise", "1e-5", "--known", "all")
+    after, before = states(tmp_path / "after.csv", 0.3, off=1e-3), states(tmp_path / "before.csv", 0.0, off=1e-3)
+    result = call(after, *options, "--healthy", before)
+    assert result.exit_code == 0, result.stderr
+    np.testing.assert_allclose(json.loads((tmp_path / "twin.json").read_text())["damage"], [0.0, 0.3], atol=2e-3)
+    before.write_text(before.read_text().replace("2 N,", "two,"))
+    assert "the healthy record has other load states" in call(after, *options, "--healthy", before).stderr
+    alone = call(after, *options, "--healthy", before, "--no-mesh-error")
+    assert "only where the error of the mesh is known. Use it with a setup, and with --mesh-error." in alone.stderr
+
+
+def test_load_states_of_a_setup_give_damage_by_the_names_of_its_zones(call, strip, tmp_path):
+    table = states(tmp_path / "states.csv", 0.3)
     result = call(table, "--setup", strip, "--noise", "1e-5", "--known", "all")
     assert result.exit_code == 0, result.stderr
     answer = json.loads((tmp_path / "twin.json").read_text())
