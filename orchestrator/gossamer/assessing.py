@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
-from .arguments import Cases, File, Files, Folder, Form, Names, Values, command, several
+from .arguments import Count, File, Files, Folder, Form, Names, Values, command, several
 from .options import ColumnOptions
 from .plans import judged_on
 from .records import histories, tell_recognised
@@ -253,7 +253,8 @@ class DetectorAssessment(Result):
         """Return errors by condition, and probabilities of detection."""
         from gossamer_models.assessment.tables import condition_table, detection_table
 
-        return [condition_table(self.result), detection_table(self.result)]
+        tables = [condition_table(self.result)]
+        return [*tables, detection_table(self.result)] if self.result.detections else tables
 
     def to_json(self) -> dict[str, Any]:
         """Return everything."""
@@ -269,7 +270,9 @@ def assess_detector(
     mesh: File | None = None,
     set: Values | None = None,
     twin: bool = False,
-    cases: Cases = 400,
+    conditions: Names | None = None,
+    noise: float | None = None,
+    cases: Count = 400,
     out: Folder = "out/assessment",
 ) -> DetectorAssessment:
     """Judge detectors, and the twin, under many conditions.
@@ -292,6 +295,11 @@ def assess_detector(
         Parameter or constant input of a membrane on a mesh, in place of that of the training, NAME=VALUE; may be repeated.
     twin
         The digital twin too, on few records: it takes long.
+    conditions
+        These alone, by name, and no probability of detection; may be repeated. all: every one; short: eight. Every judge is
+        asked about every record then.
+    noise
+        Standard deviation of the white noise of strain, in place of that of the training or the thesis.
     cases
         Records of each condition; a fifth as many sizes of damage in each zone.
     out
@@ -313,26 +321,35 @@ def assess_detector(
         gossamer assess-detector --artifact mine.json --twin --cases 100 --out out/mine
 
         gossamer assess-detector --artifact out/detector/reflector.json
+
+        gossamer assess-detector --twin --conditions short --cases 3 --out out/worlds
     """
     from gossamer_models import assessment
     from gossamer_models.assessment.plots import save_pictures
+    from gossamer_models.campaign import Distribution, MeasurementNoise
 
     from .pages.detectors import assessment_page
 
-    folder, artifacts = Path(out), [Path(path) for path in several(artifact)]
+    folder, artifacts, only = Path(out), [Path(path) for path in several(artifact)], several(conditions)
     keep_inputs([*artifacts, setup, mesh], (folder / name for name in ("assessment.json", "assessment.npz")))
     with progress_bar("assessment") as bar:
         bar.update(text="reading detectors,")
         plan = judged_on(artifacts, setup, mesh, set)
-        structure = assessment.plan_of_square().membrane.structure if plan is None else plan.membrane.structure
+        square, plan = plan is None, plan or assessment.plan_of_square()
+        if noise is not None:
+            plan = replace(plan, noise=MeasurementNoise(strain=Distribution(normal=noise)))
+        structure = plan.membrane.structure
         judges = [assessment.read_judge(path, structure) for path in artifacts] if artifacts else assessment.shipped_judges()
-        twins = assessment.twin_judges(TWIN_RECORDS, TWIN_SIZES, None if plan is None else plan.membrane) if twin else ()
+        records = cases if only else TWIN_RECORDS
+        twins = assessment.twin_judges(records, TWIN_SIZES, None if square else plan.membrane) if twin else ()
         zero = assessment.AlwaysZero(zones=structure.n_zones)
 
         def report(what: str, done: int, total: int) -> None:
             bar.update(done, total, f"{what}: {done} of {total},")
 
-        found = assessment.assess([zero, *judges, *twins], folder / "simulations", cases=cases, plan=plan, report=report)
+        found = assessment.assess(
+            [zero, *judges, *twins], folder / "simulations", cases=cases, plan=plan, only=only, report=report
+        )
         files = [*assessment.write_assessment(found, folder), *save_pictures(found, folder)]
     return DetectorAssessment(result=found, files=files + save_page(lambda: assessment_page(found, structure), folder))
 

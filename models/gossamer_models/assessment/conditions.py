@@ -1,21 +1,24 @@
-"""Conditions that judges are put to: what is simulated, and how the sensors read it.
+"""Conditions that judges are put to, each a world of its own: what is simulated, and how the sensors read it.
 
-Every condition is a campaign, so its cases are a function of seed and number.
+Every condition is a campaign, so its cases are a function of seed and number. Damage of parts of zones, sensors off their
+place and a pressure that is not as thought are those of a finer mesh, where there is one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
-from pathlib import Path
-from typing import Literal
+from functools import partial
 
 import numpy as np
 
 from .. import campaign as campaigns
 from ..arrays import Matrix
 from ..detector.thesis_tables import NOISE, Damages
+from ..errors import ParameterError
+from ..membrane.setup import MAX_ORDER
+from ..membrane.zones import MOST_ZONES
+from . import readings, truths
 
 THESIS_NOISE = campaigns.MeasurementNoise(strain=campaigns.Distribution(uniform=NOISE))
 CHAIN_NOISE = campaigns.MeasurementNoise(
@@ -34,7 +37,50 @@ MISMATCHES: dict[str, tuple[str, float, float]] = {
     "modulus": ("youngs_modulus", 0.98, 1.02),
     "gain": ("sensor_gain", 0.98, 1.02),
 }
-Fault = Literal["none", "dead", "swapped"]
+TUNED = {
+    *(
+        "clean",
+        "noise",
+        "load x 0.9",
+        "frequency x 1.05",
+        "damping x 0.5",
+        "modulus x 1.02",
+        "gain x 0.98",
+        "density x 1.05",
+    ),
+    *("everything varied", "dead sensor", "another mesh", "prestrain x 1.05", "modulus x 0.95"),
+    *("one gain x 0.95", "late by 1 sample", "a sensor 3 % off its place", "tilted pressure"),
+    *("band across zones", "hole in a zone", "healthy, noise", "healthy, whole chain"),
+}
+# Kept out of tuning: nobody looks at these while a judge is made better, nor chooses a number by them.
+HELD_OUT = {
+    *(
+        "load x 1.1",
+        "frequency x 0.95",
+        "damping x 2",
+        "modulus x 0.98",
+        "modulus x 1.05",
+        "gain x 1.02",
+        "thickness x 1.05",
+    ),
+    *("prestrain x 0.9", "swapped sensors", "finest mesh", "rough pressure", "a sensor 1 % off its place", "outliers"),
+    *("late by 5 samples", "corner of zones", "healthy, everything varied", "whole chain", "other sensors"),
+    *("another law", "coloured noise", "healthy, clean"),
+}
+MATERIAL = {"density": (1.05,), "thickness": (1.05,), "prestrain": (0.9, 1.05), "modulus": (0.95, 1.05)}
+OTHER_RANGE = 0.525  # [1] of the sensors' strain; that of the artifact is 0.5
+PARTIAL = {"band across zones": "band", "corner of zones": "corner", "hole in a zone": "hole"}
+READINGS: dict[str, readings.Reading] = {
+    "one gain x 0.95": readings.one_gain,
+    "coloured noise": readings.coloured,
+    "outliers": readings.outliers,
+    "late by 1 sample": partial(readings.late, 1),
+    "late by 5 samples": partial(readings.late, 5),
+}
+SHORT = (
+    *("noise", "another mesh", "load x 0.9", "one gain x 0.95", "a sensor 3 % off its place", "late by 1 sample"),
+    *("band across zones", "hole in a zone"),
+)
 
 
 @dataclass(frozen=True)
@@ -51,19 +97,30 @@ class Condition:
         What is simulated.
     noisy : bool
         Whether the campaign's noise of strain is added; the chain always has its own.
-    fault : {"none", "dead", "swapped"}
-        A sensor that repeats its first reading, or two that are exchanged: which ones, the number of the case tells.
+    read : callable
+        Turns strain and its noise, shape (n, sensors, T), and the numbers of the cases into what is read, see ``readings``.
     quick : bool
-        Whether only quick judges are asked: what is varied alone is varied with everything else too, and what the slow ones
-        refuse takes them longest.
+        Whether only quick judges are asked in a whole assessment: what is varied alone is varied with everything else too,
+        and what the slow ones refuse takes them longest.
+    loads : callable or None
+        Gives inputs of the membrane over the samples, shape (n, T), beside those of the campaign.
+    parts : bool
+        Whether damage is that of parts of zones, see ``truths.quartered``.
     """
 
     name: str
     store: str
     campaign: campaigns.CampaignPlan
     noisy: bool = True
-    fault: Fault = "none"
+    read: readings.Reading = readings.as_it_is
     quick: bool = False
+    loads: Callable[[campaigns.CampaignPlan], dict[str, Matrix]] | None = None
+    parts: bool = False
+
+    @property
+    def held_out(self) -> bool:
+        """Whether it is kept out of tuning."""
+        return self.name in HELD_OUT
 
 
 def plan_of_square(mesh: campaigns.Mesh | None = None, stop: float = 0.3) -> campaigns.CampaignPlan:
@@ -96,16 +153,19 @@ def conditions(plan: campaigns.CampaignPlan, other: campaigns.Mesh | None, cases
         Condition("noise", "random", random),
         *_mismatches(random),
         Condition("everything varied", "everything", replace(random, vary=everything)),
-        Condition("dead sensor", "random", random, fault="dead", quick=True),
+        Condition("dead sensor", "random", random, read=readings.dead, quick=True),
     ]
     if mesh.structure.n_sensors > 1:
-        found.append(Condition("swapped sensors", "random", random, fault="swapped", quick=True))
+        found.append(Condition("swapped sensors", "random", random, read=readings.swapped, quick=True))
     if square:
         found.append(Condition("whole chain", "chain", _through_chain(random)))
     if other is not None:
         found.append(Condition("another mesh", "mesh", replace(random, membrane=other)))
+    found.append(Condition("another law", "law", replace(random, membrane=_other_law(mesh)), quick=True))
+    found += _finer_worlds(replace(random, membrane=other or mesh), mesh)
+    if square:
+        found.append(_other_sensors(random))
     found += [
-        Condition("another law", "law", replace(random, membrane=_other_law(mesh)), quick=True),
         Condition("healthy, clean", "healthy", healthy, noisy=False, quick=True),
         Condition("healthy, noise", "healthy", healthy),
         Condition("healthy, everything varied", "healthy_everything", replace(healthy, vary=everything)),
@@ -113,6 +173,68 @@ def conditions(plan: campaigns.CampaignPlan, other: campaigns.Mesh | None, cases
     if square:
         found.append(Condition("healthy, whole chain", "healthy_chain", _through_chain(healthy)))
     return found
+
+
+def chosen(found: Sequence[Condition], names: Sequence[str]) -> list[Condition]:
+    """Return the conditions of some names; ``all`` stands for all, ``short`` for the eight of ``SHORT`` that there are.
+
+    Raises
+    ------
+    ParameterError
+        There is no such condition.
+    """
+    there = {condition.name: condition for condition in found}
+    wanted = [
+        each for name in names for each in {"all": [*there], "short": [n for n in SHORT if n in there]}.get(name, [name])
+    ]
+    for name in wanted:
+        if name not in there:
+            msg = f"there is no condition {name!r} of this structure. Choose from all, short, {', '.join(there)}."
+            raise ParameterError(msg)
+    return [there[name] for name in dict.fromkeys(wanted)]
+
+
+def _finer_worlds(truth: campaigns.CampaignPlan, mesh: campaigns.Mesh) -> Iterator[Condition]:
+    """Give what else may be off, on a finer mesh; of some membrane that of parts of zones is in four of its own elements."""
+    if (finest := _finest(mesh)) is not None:
+        yield Condition("finest mesh", "finest", replace(truth, membrane=finest), quick=True)
+    for what, factors in MATERIAL.items():
+        for factor in factors:
+            if (changed := truths.with_material(truth.membrane, what, factor)) is not None:
+                plan = replace(truth, membrane=changed)
+                yield Condition(f"{what} x {factor:g}", f"{what}_{factor:g}", plan, quick=True)
+    for name, read in READINGS.items():
+        yield Condition(name, "mesh", truth, read=read, quick=True)
+    if mesh.structure.n_sensors:
+        for percent in (1, 3):
+            moved = replace(truth, membrane=truths.with_moved_sensors(truth.membrane, percent / 100.0))
+            name = f"a sensor {percent} % off its place"
+            yield Condition(name, f"moved_{percent}", moved, read=readings.off_place, quick=True)
+    yield Condition("rough pressure", "rough", truth, loads=truths.rough_pressure, quick=True)
+    yield Condition("tilted pressure", "tilted", replace(truth, membrane=truths.tilted(mesh)), loads=truths.tilt, quick=True)
+    if truths.QUARTERS * mesh.structure.n_zones > MOST_ZONES:
+        return
+    parts = truths.quartered(mesh)
+    for name, kind in PARTIAL.items():
+        listed = truths.partial_damages(kind, parts.structure, truth.count, truth.seed)
+        plan = replace(truth, cases=None, membrane=parts, damage=campaigns.Damage(cases=listed))
+        yield Condition(name, kind, plan, quick=True, parts=True)
+
+
+def _finest(mesh: campaigns.Mesh) -> campaigns.Mesh | None:
+    """Return the membrane with about three times the resolution, or the order that there is; None of one with triangles."""
+    if mesh.setup is None:
+        return replace(mesh, order=min(3 * mesh.order, MAX_ORDER))
+    once = finer(mesh)
+    return None if once is None else finer(once)
+
+
+def _other_sensors(random: campaigns.CampaignPlan) -> Condition:
+    """Return resistance of sensors whose curve is not that of the artifact: another range of strain."""
+    plan = _through_chain(random)
+    assert plan.chain is not None
+    plan = replace(plan, chain=replace(plan.chain, sensor_parameters={"full_scale_strain": OTHER_RANGE}))
+    return Condition("other sensors", "other_sensors", plan, quick=True)
 
 
 def _varied(mesh: campaigns.Mesh, what: str, low: float, high: float) -> dict[str, campaigns.Vary]:
@@ -218,91 +340,3 @@ def single_damages(sizes: int, zones: int) -> Damages:
 def _van_der_corput(k: int) -> float:
     bits = f"{k:b}"[::-1]
     return int(bits, 2) / float(2 ** len(bits))
-
-
-@dataclass(frozen=True, kw_only=True)
-class Records:
-    """Histories of n cases, whose simulation did not fail.
-
-    Attributes
-    ----------
-    damage : ndarray, shape (n, zones)
-        True damage [1].
-    strain : ndarray, shape (n, sensors, T)
-        What a judge of strain gets [1]; through a chain that of the compensator, without its delay.
-    resistance : ndarray, shape (n, sensors, T'), or None
-        With noise [ohm]; None without a chain.
-    step : float
-        Sampling step [s].
-    failed : int
-        Cases that were left out.
-    """
-
-    damage: Matrix
-    strain: Matrix
-    resistance: Matrix | None
-    step: float
-    failed: int
-
-    def __len__(self) -> int:
-        """Return n."""
-        return len(self.damage)
-
-
-def make_records(
-    condition: Condition, folder: Path, *, workers: int | None = None, progress: Callable[[int, int], None] | None = None
-) -> Records:
-    """Simulate what is missing of a condition and read all of it.
-
-    Parameters
-    ----------
-    condition : Condition
-        What to read.
-    folder : Path
-        Where the stores of campaigns are.
-    workers, progress
-        As in ``run_campaign``.
-
-    Raises
-    ------
-    CampaignStoppedError, DataError, OSError
-        As in ``run_campaign``.
-    """
-    campaign = condition.campaign
-    path = folder / f"{condition.store}_{campaign.count}.zarr"
-    campaigns.run_campaign(campaign, path, workers=workers, progress=progress)
-    data = campaigns.read_campaign(path)
-    sound = ~data["failed"].to_numpy()
-    data = data.isel(case=np.flatnonzero(sound))
-    resistance = None
-    if campaign.chain is not None:
-        late = round(float(data["compensated_strain"].attrs["delay"]) / campaign.step)
-        samples = campaign.steps - LATE
-        strain = data["compensated_strain"].to_numpy()[:, :, late : late + samples]
-        resistance = campaigns.measured_resistance(data).to_numpy()[:, :, :samples]
-    elif condition.noisy:
-        strain = campaigns.measured_strain(data).to_numpy()
-    else:
-        strain = (data["sensor_gain"] * data["strain"]).to_numpy()
-    return Records(
-        damage=data["damage"].to_numpy(),
-        strain=with_fault(strain, data["case"].to_numpy(), condition.fault),
-        resistance=resistance,
-        step=campaign.step,
-        failed=int((~sound).sum()),
-    )
-
-
-def with_fault(histories: Matrix, numbers: Matrix, fault: Fault) -> Matrix:
-    """Return histories, shape (n, sensors, T), with one dead sensor or two swapped ones, by the numbers of the cases."""
-    found = np.array(histories)
-    sensors = found.shape[1]
-    pairs = list(combinations(range(sensors), 2))
-    for k, number in enumerate(numbers):
-        if fault == "dead":
-            dead = int(number) % sensors
-            found[k, dead] = found[k, dead, 0]
-        elif fault == "swapped":
-            pair = list(pairs[int(number) % len(pairs)])
-            found[k, pair] = found[k, pair[::-1]]
-    return found

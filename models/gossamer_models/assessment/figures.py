@@ -19,6 +19,7 @@ from ..detector.posterior_records import Sensing, Training, cut_windows
 from ..detector.posterior_training import split
 from ..detector.thesis_tables import GROUPS
 from ..detector.thesis_training import SAMPLES, simulate_cases, with_noise
+from ..twin.answer import DETERMINED
 from .judges import AlwaysZero, DetectorJudge, PosteriorJudge, Verdicts
 from .pod import Share, share
 
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 CALL = 0.05  # [1] damage that counts as a call
+OFF = 0.05  # [1] error of a zone that misleads
 NOMINAL = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)  # central intervals of the reliability diagram
 NOISES = {"clean": "no noise", "stated": "noise"}  # that of the campaign
 SEED = 1  # of the noise of the test cases of the thesis
@@ -49,6 +51,10 @@ class Figures:
         Records with a call in an undamaged zone.
     wrong, wrong_and_invalid : Share
         Records with an error above ``WRONG`` in some zone, and those of them that are marked invalid.
+    wrong_and_valid : Share
+        Valid records with a zone that is determined and off by more than ``OFF`` and three stated deviations.
+    worst_healthy : float
+        Largest error in an undamaged zone [% damage], invalid answers included.
     z_rms, damaged_z_rms : float
         Root mean square of z over all zones and over damaged zones of valid records [1].
     within_95, damaged_within_95 : float
@@ -65,6 +71,8 @@ class Figures:
     false_calls: Share
     wrong: Share
     wrong_and_invalid: Share
+    wrong_and_valid: Share
+    worst_healthy: float
     z_rms: float
     damaged_z_rms: float
     within_95: float
@@ -98,12 +106,26 @@ def figures(damage: Matrix, verdicts: Verdicts) -> Figures:
         false_calls=share((called & ~damaged).any(axis=1)),
         wrong=share(wrong),
         wrong_and_invalid=share(~verdicts.valid[wrong]),
+        wrong_and_valid=share((misleading(damage, verdicts)).any(axis=1)),
+        worst_healthy=100.0 * float(error[~damaged].max(initial=0.0)),
         z_rms=math.sqrt(_mean(z**2)),
         damaged_z_rms=math.sqrt(_mean(damaged_z**2)),
         within_95=_mean(z <= norm.ppf(0.975)),
         damaged_within_95=_mean(damaged_z <= norm.ppf(0.975)),
         brier=math.nan if P is None else _mean((P - damaged) ** 2),
     )
+
+
+def misleading(damage: Matrix, verdicts: Verdicts) -> Rows:
+    """Return which zones of valid records are determined and wrong, shape (n, zones).
+
+    Of a judge that states no deviation every zone counts as determined.
+    """
+    error, told = np.abs(verdicts.damage - damage), np.ones(damage.shape, dtype=bool)
+    if verdicts.deviation is not None:
+        told = verdicts.deviation <= DETERMINED if verdicts.determined is None else verdicts.determined
+        told = told & (error > 3.0 * verdicts.deviation)
+    return np.asarray(verdicts.valid[:, None] & told & (error > OFF))
 
 
 def largest_calls(verdicts: Verdicts) -> Vector:

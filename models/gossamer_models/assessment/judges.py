@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from itertools import chain
 from pathlib import Path
@@ -46,6 +46,8 @@ class Verdicts:
         Standard deviation [1].
     probability : ndarray, shape (n, zones), or None
         That the zone is damaged [1].
+    determined : ndarray of bool, shape (n, zones), or None
+        Whether a zone is answered with a value; None where the deviation alone tells.
     valid : ndarray of bool, shape (n,)
         Whether the judge answers for it.
     """
@@ -53,13 +55,18 @@ class Verdicts:
     damage: Matrix
     deviation: Matrix | None = None
     probability: Matrix | None = None
+    determined: Rows | None = None
     valid: Rows
 
     @classmethod
-    def finite(cls, *, damage: Matrix, valid: Matrix, **stated: Matrix) -> Verdicts:
+    def finite(
+        cls, *, damage: Matrix, valid: Matrix, deviation: Matrix | None = None, probability: Matrix | None = None
+    ) -> Verdicts:
         """Take an answer that is not finite for none."""
         sound: Rows = np.asarray(np.isfinite(damage).all(axis=1))
-        return cls(damage=np.where(sound[:, None], damage, 0.0), valid=sound & (np.asarray(valid) > 0.5), **stated)
+        given = sound & (np.asarray(valid) > 0.5)
+        damage = np.where(sound[:, None], damage, 0.0)
+        return cls(damage=damage, deviation=deviation, probability=probability, valid=given)
 
     @property
     def arrays(self) -> dict[str, Any]:
@@ -192,7 +199,7 @@ class PosteriorJudge(Judge):
     def window(self, number: int, records: Matrix) -> Verdicts:
         """Judge records of one window, from 0, shape (n, 4, samples) [1]."""
         found = judge_records(self.artifact, number, records)
-        return Verdicts.finite(**{part.name: found[part.name] for part in fields(Verdicts)})
+        return Verdicts.finite(**{name: found[name] for name in ("damage", "deviation", "probability", "valid")})
 
 
 @dataclass(frozen=True)
@@ -216,6 +223,7 @@ class TwinJudge(Judge):
         acting = Loads() if self.load is None else self.load.loads(histories.shape[-1], step)
         found = np.zeros((3, len(histories), self.twin.zones))
         found[1] = 1.0
+        determined = np.zeros(found.shape[1:], dtype=bool)
         valid = np.zeros(len(histories), dtype=bool)
         for k, history in enumerate(histories):
             try:
@@ -226,8 +234,9 @@ class TwinJudge(Judge):
             except (ConvergenceError, DataError):
                 continue
             found[:, k] = answer.damage, answer.deviation, answer.probability
-            valid[k] = answer.valid
-        return Verdicts.finite(damage=found[0], deviation=found[1], probability=found[2], valid=valid)
+            valid[k], determined[k] = answer.valid, answer.determined
+        said = Verdicts.finite(damage=found[0], deviation=found[1], probability=found[2], valid=valid)
+        return replace(said, determined=determined)
 
 
 @cache

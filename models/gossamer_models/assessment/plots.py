@@ -39,6 +39,7 @@ STATED = {"clean": "dash", "noise": "solid"}  # conditions of the reliability, a
 DASHES = ("solid", "dash", "dot", "dashdot")
 DETECTED = 0.9  # probability of detection of a90 and a90/95
 BINS = 40  # of the largest estimates
+MISLEADING = "An error above 5 % and above three stated deviations in a zone whose deviation is 2 % or less."
 FILES = {
     "Mean absolute error over damaged zones": "errors",
     "Largest estimate of healthy records": "false_calls",
@@ -118,10 +119,14 @@ def _bounded(value: float | Share) -> tuple[float, float, float]:
 def _errors(found: AssessmentResults) -> list[Chart]:
     """Draw the mean absolute errors of all judges under all conditions."""
     charts = []
-    for name, zones in (("error_damaged", "damaged zones"), ("error_all", "all zones")):
+    for name, title in (
+        ("error_damaged", "Mean absolute error over damaged zones"),
+        ("error_all", "Mean absolute error over all zones"),
+        ("worst_healthy", "Largest error of an undamaged zone"),
+    ):
         values = {(row.judge, row.condition): getattr(row.figures, name) for row in found.rows}
         finite = {key: value for key, value in values.items() if math.isfinite(value)}
-        charts.append(_by_condition(found, f"Mean absolute error over {zones}", "error [% damage]", finite))
+        charts.append(_by_condition(found, title, "error [% damage]", finite))
     return charts
 
 
@@ -131,6 +136,7 @@ def _calls(found: AssessmentResults) -> list[Chart]:
     charts = []
     for name, title, note in (
         ("valid", "Valid records", ""),
+        ("wrong_and_valid", "Records that are wrong and valid", MISLEADING),
         ("false_calls", "Records with a call in an undamaged zone", call),
         ("hits", "Damaged zones that were called", call),
     ):

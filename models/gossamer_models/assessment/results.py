@@ -18,7 +18,7 @@ from ..artifacts import read_as, write_artifact
 from .figures import Figures
 from .pod import Share
 
-SCHEMA, VERSION = "gossamer.assessment", 2
+SCHEMA, VERSION = "gossamer.assessment", 3
 FILE = "assessment.json"
 
 
@@ -30,6 +30,8 @@ class Row:
     ----------
     judge, condition : str
         Names.
+    held_out : bool
+        Whether the condition is kept out of tuning.
     figures : Figures
         Of all records.
     reliability : list of float
@@ -40,6 +42,7 @@ class Row:
 
     judge: str
     condition: str
+    held_out: bool = False
     figures: Figures
     reliability: list[float] = field(default_factory=list)
     largest: list[float] = field(default_factory=list)
@@ -188,7 +191,7 @@ def _numbers(value: Any) -> Any:  # noqa: ANN401
 
 
 def _condition_line(row: Row) -> dict[str, str]:
-    line = {"judge": row.judge, "condition": row.condition}
+    line = {"judge": row.judge, "condition": row.condition, "kept out of tuning": str(int(row.held_out))}
     for name, value in ((part.name, getattr(row.figures, part.name)) for part in fields(Figures)):
         if isinstance(value, Share):
             line |= {f"{name} [%]": _percent(value.value), f"{name} low": _percent(value.low)}

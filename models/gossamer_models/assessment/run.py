@@ -17,19 +17,21 @@ from ..campaign import CampaignPlan, Mesh
 from ..detector.thesis_tables import TABLES, ThesisTables
 from ..errors import ParameterError
 from .conditions import (
+    HELD_OUT,
     SIZES,
+    TUNED,
     Condition,
-    Records,
+    chosen,
     conditions,
     detections,
     finer,
-    make_records,
     plan_of_square,
     table_conditions,
 )
 from .figures import confusion, figures, largest_calls, reliability, scores
 from .judges import Judge, Verdicts, ask
 from .pod import fit_pod, share, threshold_for
+from .records import Records, make_records
 from .results import AssessmentResults, ConfusionRow, DetectionRow, Row, TableRow
 
 FALSE_CALLS = 0.01  # share of healthy records that a threshold lets be called [1]
@@ -45,6 +47,7 @@ def assess(
     cases: int = 400,
     plan: CampaignPlan | None = None,
     other: Mesh | None = None,
+    only: Sequence[str] = (),
     workers: int | None = None,
     report: Report | None = None,
 ) -> AssessmentResults:
@@ -63,6 +66,9 @@ def assess(
         Membrane, load, noise and times of a record; by default those that the shipped detectors are trained for.
     other : Mesh, optional
         Membrane of the condition "another mesh"; by default a finer one, if there is one.
+    only : sequence of str
+        Conditions by name, or ``all`` or ``short``: these alone, of which every judge is asked about all records, and no
+        probability of detection. Empty for a whole assessment, in which slow judges leave out what is quick.
     workers : int, optional
         Processes of the simulations; all cores by default.
     report : callable, optional
@@ -75,7 +81,7 @@ def assess(
     Raises
     ------
     ParameterError
-        Two judges have the same name, or there are too few cases.
+        Two judges have the same name, there are too few cases, or no such condition.
     GossamerError, OSError
         A simulation cannot run, or cannot be kept.
     """
@@ -83,23 +89,26 @@ def assess(
     if len(set(names)) < len(names):
         msg = f"two judges have the same name: {', '.join(names)}. Name the files differently."
         raise ParameterError(msg)
-    if cases < 4:
+    if cases < 4 and not only:
         msg = f"{cases} cases are too few to choose a threshold on one half and count on the other. Take 4 or more."
         raise ParameterError(msg)
     plan = plan or plan_of_square()
     mesh = plan.membrane
     other = finer(mesh) if other is None else other
     meshes = {"mesh": mesh, "another mesh": other}
+    put, pairs = conditions(plan, other, cases), [] if only else detections(plan, cases)
+    lacking = ", ".join(sorted((TUNED | HELD_OUT) - {condition.name for condition in put}))
     found = AssessmentResults(
         provenance={
             "gossamer": version("gossamer"),
             "cases": str(cases),
             **{what: _described(each) for what, each in meshes.items() if each is not None},
+            **({"left out, since this structure cannot have it": lacking} if lacking else {}),
         },
         zone_names=list(mesh.structure.zone_names) if mesh.setup else [],
     )
-    put, pairs = conditions(plan, other, cases), detections(plan, cases)
-    tables = TABLES if mesh.setup is None else ()
+    put = chosen(put, only) if only else put
+    tables = TABLES if mesh.setup is None and not only else ()
     listed = [(table, condition) for table in tables for condition in table_conditions(table.damages, mesh)]
     total, done = len(put) + len(pairs) + len(listed), itertools.count()
 
@@ -111,7 +120,7 @@ def assess(
         begin(condition.name)
         records = make_records(condition, folder, workers=workers)
         for judge in _readers(judges, records):
-            if judge.most is None or not condition.quick:
+            if only or judge.most is None or not condition.quick:
                 found.rows.append(_row(judge, condition, records, folder))
     for pair in pairs:
         begin(pair.name)
@@ -159,6 +168,7 @@ def _row(judge: Judge, condition: Condition, records: Records, folder: Path) -> 
     return Row(
         judge=judge.name,
         condition=condition.name,
+        held_out=condition.held_out,
         figures=figures(damage, verdicts),
         reliability=reliability(damage, verdicts).tolist() if verdicts.deviation is not None else [],
         largest=[] if damage.any() else largest_calls(verdicts).tolist(),

@@ -12,7 +12,8 @@ from .results import AssessmentResults, DetectionRow, Row
 CONDITIONS = (
     "Errors [% damage] and shares [%]. call: valid estimate above 5 %; false calls: records with a call in an undamaged "
     "zone, and the upper 95 % bound; wrong: error above 10 % in a zone; z rms, in 95 %: of the stated deviations, damaged "
-    "zones of valid records"
+    "zones of valid records; wrong and valid: records with an error above 5 % and 3 stated deviations in a zone that is "
+    "determined; *: kept out of tuning"
 )
 
 
@@ -20,7 +21,8 @@ def condition_table(found: AssessmentResults) -> TableText:
     """Return errors and shares, a row for each judge and condition."""
     head = ("detector", "condition", "records", "error, all zones", "damaged zones", "hits", "false calls", "valid")
     rows = [_of_condition(row) for row in found.rows]
-    return TableText((*head, "wrong, of them invalid", "z rms", "in 95 %", "Brier"), rows, CONDITIONS)
+    wrong = ("wrong, of them invalid", "wrong and valid", "worst healthy zone")
+    return TableText((*head, *wrong, "z rms", "in 95 %", "Brier"), rows, CONDITIONS)
 
 
 def _of_condition(row: Row) -> tuple[str, ...]:
@@ -28,7 +30,8 @@ def _of_condition(row: Row) -> tuple[str, ...]:
     errors = (number(f.error_all), number(f.error_damaged), percent(f.hits.value), _calls(row), percent(f.valid.value))
     wrong = f"{f.wrong.number}, {percent(f.wrong_and_invalid.value)}"
     stated = (number(f.damaged_z_rms), percent(f.damaged_within_95), number(f.brier))
-    return row.judge, row.condition, str(f.records), *errors, wrong, *stated
+    worst = (f"{f.wrong_and_valid.number} of {f.records}", number(f.worst_healthy))
+    return row.judge, row.condition + " *" * row.held_out, str(f.records), *errors, wrong, *worst, *stated
 
 
 def _calls(row: Row | DetectionRow) -> str:

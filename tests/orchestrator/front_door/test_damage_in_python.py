@@ -9,7 +9,8 @@ from pathlib import Path
 import gossamer
 import numpy as np
 import pytest
-from gossamer_models.assessment.conditions import Records
+from gossamer_models.assessment.records import Records
+from gossamer_models.assessment.truths import whole_zones
 from gossamer_models.campaign import draw_cases
 
 CAMPAIGN = 'title = "Small"\ncases = 6\nchunk = 4\nstop = 0.003\n[membrane]\nelements_per_side = 4\norder = 1\n'
@@ -63,6 +64,7 @@ def test_judged_detectors_are_tabled_by_condition(tmp_path, monkeypatch):
 
     def records(condition, folder, **options):
         damage = draw_cases(condition.campaign, range(condition.campaign.count)).damage
+        damage = whole_zones(condition.campaign.membrane.structure, damage) if condition.parts else damage
         return Records(damage=damage, strain=np.zeros((len(damage), 4, 9)), resistance=None, step=3e-4, failed=0)
 
     monkeypatch.setattr("gossamer_models.assessment.run.make_records", records)
