@@ -10,8 +10,16 @@ A native FMU also holds its C code and the compiled binaries::
     binaries/<platform>/<name>.<so|dll|dylib>
     sources/, resources/tables.bin           see ``c_code``
 
-A Python FMU holds one generic slave and the serialized step model instead; see ``python_fmu``. An FMU of a model with files
-of its own, for programs that draw it, holds them too::
+A Python FMU holds pythonfmu's library, one generic slave, and the serialized step model instead, laid out as pythonfmu 0.7.0
+does it (its own builder stamps times and random identifiers, and leaves the module search path changed)::
+
+    binaries/<platform>/<name>.<so|dll>      pythonfmu's library, which starts Python
+    resources/slavemodule.txt                names the slave
+    resources/slave_<digest>.py              imports the slave from the package
+    resources/step_<digest>/                 the slave and what it imports: the stepper and pythonfmu's base class
+    resources/model.json, init.casadi, step.casadi
+
+An FMU of a model with files of its own, for programs that draw it, holds them too::
 
     resources/<name>                         as the model has it
     resources/state.json                     where variables and state of the model lie in a serialized state of the FMU
@@ -28,6 +36,7 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from itertools import product
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Unpack
 
 from gossamer_files import write_archive
@@ -35,15 +44,24 @@ from gossamer_files.options import option
 from gossamer_models import GossamerError, ParameterError, StepModel
 
 from .c_code import TABLES_FILE, sources, with_guid
-from .catalogue import NAMES, ModelOptions, make_model
+from .catalogue import NAMES, ModelOptions, make_model, package_folder
 from .compiler import choose_platforms, compile_library
 from .description import FmiVersion, build_description, model_description
 from .page import documents
-from .python_fmu import python_members
 
 _NAMESPACE = uuid.UUID("6f2ad6c2-5a57-5d3c-9c1d-2f4a3c1f6d10")
 _HEAD = 8 + 16 + 4  # of a state: magic, digest and checksum [byte], in both kinds
 _BEFORE = {True: 4 * 8, False: 1}  # the variables: in C (stepper.h, State) and in Python (stepper.py)
+_STEP_FILES = ("errors.py", "variables.py", "step_model.py", "stepper.py")
+_PYTHONFMU_FILES = ("_version.py", "default_experiment.py", "enums.py", "fmi2slave.py", "logmsg.py", "variables.py")
+# pythonfmu 0.7.0 runs this text again for every instance: whatever it defined would stay in memory each time. It also drops
+# a reference to the module's globals that it never took; without the one added here they would be freed under the host.
+_ENTRY = """import ctypes
+
+from {package}.slave import GossamerSlave
+
+ctypes.pythonapi.Py_IncRef(ctypes.py_object(globals()))
+"""
 
 
 def build_fmu(
@@ -156,7 +174,7 @@ def _build(
     codes, fmus = dict[str, dict[str, bytes]](), dict[str, dict[str, bytes]]()
     for name, model in models.items():
         code = sources(model, "", fmi) if native else {}
-        members = documents(model, readme) | ({} if native else python_members(model)) | _resources(model, native)
+        members = documents(model, readme) | ({} if native else _python_members(model)) | _resources(model, native)
         if TABLES_FILE in code:
             members[f"resources/{TABLES_FILE}"] = code.pop(TABLES_FILE)
         described = {"modelDescription.xml": model_description(model, "", fmi=fmi, native=native)}
@@ -209,3 +227,34 @@ def _identifier(members: Mapping[str, bytes]) -> str:
     for name, data in sorted(members.items()):
         content.update(name.encode() + b"\0" + data + b"\0")
     return f"{{{uuid.uuid5(_NAMESPACE, content.hexdigest())}}}"
+
+
+def _python_members(model: StepModel) -> dict[str, bytes]:
+    """Return the files below ``binaries/`` and ``resources/`` by path."""
+    members = {f"resources/{name}": data for name, data in _python_resources(model).items()}
+    for library in sorted((package_folder("pythonfmu") / "resources/binaries").rglob("*.*")):
+        members[f"binaries/{library.parent.name}/{model.name}{library.suffix}"] = library.read_bytes()
+    return members
+
+
+def _python_resources(model: StepModel) -> dict[str, bytes]:
+    models, pythonfmu = package_folder("gossamer_models"), package_folder("pythonfmu")
+    roots = package_folder("gossamer_files") / "errors.py"
+    slave = Path(__file__).with_name("slave.py").read_text(encoding="utf-8")
+    code = {"__init__.py": b"", "pythonfmu/__init__.py": b""}
+    code |= {name: (models / name).read_bytes() for name in _STEP_FILES} | {"roots.py": roots.read_bytes()}
+    code["errors.py"] = code["errors.py"].replace(b"from gossamer_files.errors ", b"from .roots ")
+    code |= {f"pythonfmu/{name}": (pythonfmu / name).read_bytes() for name in _PYTHONFMU_FILES}
+    content = b"\0".join([model.digest.encode(), slave.encode(), _ENTRY.encode(), *code.values()])
+    digest = hashlib.sha256(content).hexdigest()[:16]
+    package = f"step_{digest}"
+    slave = slave.replace("from gossamer_models.", f"from {package}.")
+    slave = slave.replace("from pythonfmu.", f"from {package}.pythonfmu.")
+    files = {f"{package}/{name}": data for name, data in code.items()}
+    files[f"{package}/slave.py"] = slave.encode()
+    files[f"slave_{digest}.py"] = _ENTRY.format(package=package).encode()
+    files["slavemodule.txt"] = f"slave_{digest}".encode()
+    with TemporaryDirectory() as temporary:
+        model.save(Path(temporary))
+        files |= {path.name: path.read_bytes() for path in Path(temporary).iterdir()}
+    return files

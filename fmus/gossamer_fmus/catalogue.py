@@ -8,7 +8,7 @@ from dataclasses import fields, replace
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypedDict, Unpack
+from typing import Any, TypedDict, Unpack
 
 from gossamer_files.options import option
 from gossamer_models import ParameterError, StepModel
@@ -16,11 +16,8 @@ from gossamer_models.artifacts import artifact_schema
 from gossamer_models.compensator import compensator_model
 from gossamer_models.detector import PosteriorArtifact, detector_model, posterior_model, read_detector
 from gossamer_models.hub import hub_model
-from gossamer_models.membrane import membrane_model, square_structure
+from gossamer_models.membrane import Structure, membrane_model, square_structure
 from gossamer_models.sensor import Scales, SensorArtifact, default_artifact, sensor_model
-
-if TYPE_CHECKING:
-    from gossamer_models.membrane import Structure
 
 log = logging.getLogger(__name__)
 

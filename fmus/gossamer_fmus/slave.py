@@ -136,8 +136,7 @@ class GossamerSlave(Fmi2Slave):
 
     @never_raises(lambda *_: None)
     def _not_real(self, vrs: list[int], *_: object) -> None:
-        name = self.stepper.model.name
-        self.complain(f"model {name!r} has real variables only; {vrs[:8]} cannot be of this type")
+        self.complain(f"model {self.stepper.model.name!r} has real variables only; {vrs[:8]} cannot be of this type")
 
     def get_integer(self, vrs: list[int]) -> list[int]:
         self._not_real(vrs)

@@ -75,8 +75,7 @@ def build_container(scenario: Scenario, fmus: Path, out: Path, *, fmi: int = 2) 
         if out.resolve() in [file.path.resolve() for file in plan.files]:
             msg = f"{out} is one of the scenario's FMUs. Name another file with {option('out')}."
             raise ScenarioError(msg)
-        advice = "and let the host change the container's input"
-        problems = inexpressible(scenario, "a container", _NEUTRAL, advice)
+        problems = inexpressible(scenario, "a container", _NEUTRAL, "and let the host change the container's input")
         for i, _ in enumerate(scenario.groups):
             problems.add(("groups", i), "a container steps each FMU once, and has no groups. Remove the group.")
         for component in plan.components:

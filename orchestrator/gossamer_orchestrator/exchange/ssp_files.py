@@ -1,23 +1,21 @@
 """The files of an unpacked SSP, none of which is trusted, and the values in them.
 
-Parameter bindings are sets of values, inside the system structure or in a file, renamed by mappings.
+Parameter bindings are sets of values, inside the system structure or in a file, renamed by mappings. They are read as XML:
+pyssp-standard 0.9, which writes an SSP and knows its schemas, reads no transformations.
 """
 
 from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn
 from urllib.parse import unquote
 
 import xmlschema
+from fmpy.model_description import BaseUnit
 from lxml import etree
-from pyssp_standard.ssd import SSD
-from pyssp_standard.ssm import SSM, SSMElem
-from pyssp_standard.ssv import SSV
 from pyssp_standard.standard import ModelicaStandard
 
 from ..errors import ScenarioError
@@ -29,7 +27,6 @@ STRUCTURE = "SystemStructure.ssd"
 SSP = Kind("SSP", STRUCTURE, ScenarioError)
 ANNOTATION = "gossamer.scenario"  # type of the annotation that holds what SSP has no place for:
 KEPT = {"master", "order", "groups", "record"}
-_ROOTS = {SSD: "SystemStructureDescription", SSV: "ParameterSet", SSM: "ParameterMapping"}
 _SCHEMAS = {  # by root element, of SSP 1.0 and 2.0
     "SystemStructureDescription": ("ssd11", "ssd2_11"),
     "ParameterSet": ("ssv", "ssv2"),
@@ -48,7 +45,7 @@ class SspFiles:
     folder : Path
         Where it is unpacked.
     read_so_far : list of Path
-        XML files that ``read`` has been asked for.
+        XML files that ``root`` has been asked for.
     """
 
     name: str
@@ -67,8 +64,10 @@ class SspFiles:
             self.refuse(f"{what} is {source!r}, which is not in the archive", "Put that file into it")
         return path
 
-    def parse(self, path: Path) -> Any:  # noqa: ANN401
-        """Return an XML file as lxml's tree. Nothing is expanded and no other file is read."""
+    def root(self, path: Path, wanted: str) -> Any:  # noqa: ANN401
+        """Return the root of an XML file, which has a name. Nothing is expanded and no other file is read."""
+        if path not in self.read_so_far:
+            self.read_so_far.append(path)
         parser = etree.XMLParser(
             resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True, remove_pis=True
         )
@@ -81,31 +80,12 @@ class SspFiles:
                 f"{path.name} has a document type definition, which can make a small file huge or read other files",
                 "SSP needs none. The archive is not read; do not trust it",
             )
-        return tree
-
-    def read(self, kind: Any, path: Path) -> Any:  # noqa: ANN401
-        """Read an XML file with one of pyssp-standard's classes.
-
-        It is parsed here first and written back without what could do harm and what pyssp-standard 0.9 cannot read:
-        comments, and a default experiment, which need not state both times.
-        """
-        tree = self.parse(path)
-        wanted, found = _ROOTS[kind], etree.QName(tree.getroot()).localname
-        if found != wanted:
+        if (found := etree.QName(tree.getroot()).localname) != wanted:
             self.refuse(f"{path.name} is a {found!r}, not a {wanted!r}", "Correct it by SSP's schema")
-        for experiment in tree.getroot().findall("{*}DefaultExperiment"):
-            tree.getroot().remove(experiment)
-        tree.write(path, encoding="utf-8", xml_declaration=True)
-        if path not in self.read_so_far:
-            self.read_so_far.append(path)
-        try:
-            return kind(path, mode="r")
-        except Exception as error:
-            # pyssp-standard trusts its files
-            self.refuse_unread(error)
+        return tree.getroot()
 
     def refuse_unread(self, error: Exception) -> NoReturn:
-        """Refuse what pyssp-standard or the reader of the archive tripped over, by the file that departs from its schema."""
+        """Refuse what the reader of the archive tripped over, by the file that departs from its schema."""
         # values and mappings are read between the parts of the structure
         for path in sorted(self.read_so_far, key=lambda path: path.name == STRUCTURE):
             reason = _schema_reason(path)
@@ -149,32 +129,41 @@ class Given:
         return self.gain * (factor * float(self.value) + offset) + self.bias
 
 
-def read_bindings(files: SspFiles, bindings: Iterable[Any] | None, owner: str) -> dict[str, Given]:
+def read_bindings(files: SspFiles, element: Any, owner: str) -> dict[str, Given]:  # noqa: ANN401
     """Return the values that the bindings of a component or system give, by name; later ones replace earlier ones."""
     found: dict[str, Given] = {}
-    for binding in bindings or ():
+    for binding in element.iterfind("{*}ParameterBindings/{*}ParameterBinding"):
         label = f"a parameter binding of {owner}"
-        _check(files, binding, _SET, label)
-        values = binding.ssv
-        if binding.source:
-            values = files.read(SSV, files.find(binding.source, f"the source of {label}")).ssv_elem
+        values = _content(files, binding, _SET, "{*}ParameterValues/{*}", "ParameterSet", label)
         if values is None:
             files.refuse(f"{label} has neither a source nor values", "Remove it")
-        given = _parameters(files, values, binding.prefix or "", label)
-        if binding.parameter_mapping is not None:
-            given = _renamed(files, given, binding.parameter_mapping, label)
+        given = _parameters(files, values, binding.get("prefix", ""), label)
+        for mapping in binding.iterfind("{*}ParameterMapping"):
+            given = _renamed(files, given, mapping, label)
         found |= given
     return found
 
 
-def definitions(files: SspFiles, units: Iterable[Any] | None) -> dict[str, Any]:
-    """Return the definitions of units by name, with FMPy's defaults; refuse one that converts nothing."""
-    found = {unit.name: unit.base_unit for unit in units or () if unit.base_unit is not None}
-    for name, unit in found.items():
-        unit.factor, unit.offset = 1.0 if unit.factor is None else unit.factor, unit.offset or 0.0
+def definitions(files: SspFiles, element: Any) -> dict[str, Any]:  # noqa: ANN401
+    """Return the definitions of the units that an element lists, by name; refuse one that converts nothing."""
+    found = {}
+    for base in element.iterfind("{*}Units/{*}Unit/{*}BaseUnit"):
+        name = base.getparent().attrib["name"]
+        numbers = {key: (float if key in ("factor", "offset") else int)(text) for key, text in base.items()}
+        found[name] = unit = BaseUnit(**numbers)
         if unit.factor == 0.0 or not math.isfinite(unit.factor) or not math.isfinite(unit.offset):
             files.refuse(f"unit {name!r} has the factor {unit.factor:g}, offset {unit.offset:g}", "Correct the unit")
     return found
+
+
+def transformation(element: Any) -> tuple[str, float, float, bool]:  # noqa: ANN401
+    """Return a connection's or mapping's kind of transformation, "" for none, gain, bias, and whether it converts units."""
+    converts = element.get("suppressUnitConversion") not in ("true", "1")
+    for child in element:
+        kind = etree.QName(child).localname
+        if kind.endswith("Transformation"):
+            return kind, float(child.get("factor", 1.0)), float(child.get("offset", 0.0)), converts
+    return "", 1.0, 0.0, converts
 
 
 def convert(kind: str, text: str) -> Value:
@@ -185,22 +174,25 @@ def convert(kind: str, text: str) -> Value:
     return types[kind](text)
 
 
-def _check(files: SspFiles, item: Any, kind: str, label: str) -> None:  # noqa: ANN401
-    if item.type != kind:
-        files.refuse(f"{label} has the type {item.type!r}", f"Give it as {kind!r}")
-    if item.source_base != "SSD":
+def _content(files: SspFiles, element: Any, kind: str, inside: str, wanted: str, label: str) -> Any:  # noqa: ANN401
+    """Return the set or mapping that an element holds or that its source is; None without either."""
+    if (found := element.get("type", kind)) != kind:
+        files.refuse(f"{label} has the type {found!r}", f"Give it as {kind!r}")
+    if element.get("sourceBase", "SSD") != "SSD":
         files.refuse(f"{label} has its source inside the component", "Put that file into the archive")
+    if source := element.get("source"):
+        return files.root(files.find(source, f"the source of {label}"), wanted)
+    return element.find(inside + wanted)
 
 
 def _parameters(files: SspFiles, values: Any, prefix: str, label: str) -> dict[str, Given]:  # noqa: ANN401
-    units = definitions(files, values.units)
+    units = definitions(files, values)
     found = {}
-    for parameter in values.parameters:
-        name, kind = prefix + parameter["name"], parameter["type_name"]
-        content = parameter["type_value"].parameter or {}
-        text = content.get("value")
+    for parameter in values.iterfind("{*}Parameters/{*}Parameter"):
+        content = parameter[0]
+        name, kind, text = prefix + parameter.attrib["name"], etree.QName(content).localname, content.get("value")
         try:
-            found[name] = Given(convert(kind, text or ""), units.get(content.get("unit") or ""))
+            found[name] = Given(convert(kind, text or ""), units.get(content.get("unit", "")))
         except (ValueError, KeyError):
             files.refuse(f"{label}: {name!r} is {text!r}, which is no {kind}", "Give a Real, Integer, Boolean or String")
     return found
@@ -208,26 +200,18 @@ def _parameters(files: SspFiles, values: Any, prefix: str, label: str) -> dict[s
 
 def _renamed(files: SspFiles, found: dict[str, Given], mapping: Any, label: str) -> dict[str, Given]:  # noqa: ANN401
     """Rename and transform values; what a mapping does not name keeps its name, as OMSimulator does it."""
-    _check(files, mapping, _MAPPING, f"the mapping of {label}")
-    if mapping.source:
-        entries = files.read(SSM, files.find(mapping.source, f"the mapping of {label}")).ssm_elem.entries
-    elif mapping.ssm is not None:
-        entries = SSMElem.from_xml(mapping.ssm).entries
-    else:
+    entries = _content(files, mapping, _MAPPING, "{*}", "ParameterMapping", f"the mapping of {label}")
+    if entries is None:
         files.refuse(f"the mapping of {label} is empty", "Remove it")
-    renamed = {name: given for name, given in found.items() if name not in {entry.source for entry in entries}}
-    for entry in entries:
-        given = found.get(entry.source)
-        if given is None:
+    pairs = [(entry, entry.attrib["source"], entry.attrib["target"]) for entry in entries.iterfind("{*}MappingEntry")]
+    renamed = {name: given for name, given in found.items() if name not in {source for _, source, _ in pairs}}
+    for entry, source, target in pairs:
+        if (given := found.get(source)) is None:
             text = "%s: the mapping of %s gives %r to %r, but no such value is given; it is ignored"
-            logger.warning(text, files.name, label, entry.source, entry.target)
+            logger.warning(text, files.name, label, source, target)
             continue
-        gain, bias = 1.0, 0.0
-        if entry.transformation is not None:
-            kind, numbers = entry.transformation.transformation_type, entry.transformation.transformation
-            if kind != "LinearTransformation" or not isinstance(given.value, float):
-                files.refuse(f"the mapping to {entry.target!r} has a {kind}", "Use a linear transformation of a Real")
-            gain, bias = float(numbers.get("factor") or 1.0), float(numbers.get("offset") or 0.0)
-        unit = None if entry.suppress_unit_conversion in (True, "true", "1") else given.unit
-        renamed[entry.target] = Given(given.value, unit, gain, bias)
+        kind, gain, bias, converts = transformation(entry)
+        if kind and (kind != "LinearTransformation" or not isinstance(given.value, float)):
+            files.refuse(f"the mapping to {target!r} has a {kind}", "Use a linear transformation of a Real")
+        renamed[target] = Given(given.value, given.unit if converts else None, gain, bias)
     return renamed

@@ -14,7 +14,7 @@ from __future__ import annotations
 import json
 import logging
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +22,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from gossamer_files.options import option
-from pyssp_standard.ssd import SSD, Component, System
+from lxml import etree
 
 from ..errors import OrchestratorError
 from ..fmi.archive import unpack
@@ -32,7 +32,7 @@ from ..scenario.connections import find_cycle, sort_components
 from ..scenario.load import make_scenario
 from ..scenario.schema import Connection, Scenario, Value
 from ..scenario.source import Source
-from .ssp_files import ANNOTATION, KEPT, SSP, STRUCTURE, Given, SspFiles, definitions, read_bindings
+from .ssp_files import ANNOTATION, KEPT, SSP, STRUCTURE, Given, SspFiles, definitions, read_bindings, transformation
 
 logger = logging.getLogger(__name__)
 
@@ -60,10 +60,8 @@ class Network:
     ----------
     files : SspFiles
         The unpacked SSP.
-    ssd : pyssp_standard.ssd.SSD
-        Its structure as pyssp-standard reads it.
     root : lxml.etree.Element
-        The same as XML, because pyssp-standard leaves out transformations.
+        Its structure.
 
     Attributes
     ----------
@@ -73,7 +71,7 @@ class Network:
         Kind of connector, definition of its unit, what feeds it and what it is given, by node.
     """
 
-    def __init__(self, files: SspFiles, ssd: Any, root: Any) -> None:  # noqa: ANN401
+    def __init__(self, files: SspFiles, root: Any) -> None:  # noqa: ANN401
         self.files = files
         self.names: dict[Place, str] = {}
         self.fmus: dict[Place, FmuFile] = {}
@@ -82,7 +80,7 @@ class Network:
         self.feeds: dict[Node, Feed] = {}
         self.values: dict[Node, Given] = {}
         self._bound: list[tuple[str, Given]] = []
-        self._read_system(ssd.system, root.find("{*}System"), (), definitions(files, ssd.units))
+        self._read_system(root.find("{*}System"), (), definitions(files, root))
         if not self.fmus:
             files.refuse("it holds no FMU", "Add one")
         nodes = {dotted(node): node for node in self.kinds}
@@ -134,23 +132,21 @@ class Network:
         gain, bias = self.transfer(chain)
         return gain * given.converted(self.units.get(chain[-1])) + bias
 
-    def _read_system(self, system: Any, element: Any, place: Place, units: dict[str, Any]) -> None:  # noqa: ANN401
+    def _read_system(self, system: Any, place: Place, units: dict[str, Any]) -> None:  # noqa: ANN401
         """Read a system, its elements first: bindings of a higher level replace those of a lower one."""
-        self._read_connectors(system.connectors, place, units)
-        for child, xml in zip(system.elements, element.iterfind("{*}Elements/*"), strict=True):
-            if isinstance(child, System):
-                self._read_system(child, xml, (*place, child.name), units)
-            elif isinstance(child, Component):
-                self._read_component(child, (*place, child.name), units)
-            else:
-                what = f"{xml.tag.rpartition('}')[2]} {xml.get('name')!r}"
-                self.files.refuse(f"it has a {what}", "Connect its signals directly")
-        for connection, xml in zip(system.connections, element.iterfind("{*}Connections/*"), strict=True):
-            self._read_connection(connection, xml, place)
-        self._bind(system.parameter_bindings, place, ".".join(place) or "the root system")
+        self._read_connectors(system, place, units)
+        for child in system.iterfind("{*}Elements/*"):
+            kind = etree.QName(child).localname
+            if kind not in ("System", "Component"):
+                self.files.refuse(f"it has a {kind} {child.get('name')!r}", "Connect its signals directly")
+            read = self._read_system if kind == "System" else self._read_component
+            read(child, (*place, child.attrib["name"]), units)
+        for connection in system.iterfind("{*}Connections/{*}Connection"):
+            self._read_connection(connection, place)
+        self._bind(system, place, ".".join(place) or "the root system")
 
     def _read_component(self, component: Any, place: Place, units: dict[str, Any]) -> None:  # noqa: ANN401
-        label, kind, source = ".".join(place), component.component_type, component.source or ""
+        label, kind, source = ".".join(place), component.get("type"), component.get("source", "")
         if kind not in _FMU_TYPES or not source.endswith(".fmu"):
             what = repr(source if kind in _FMU_TYPES else kind)
             self.files.refuse(f"component {label!r} is not an FMU but {what}", "Replace it by FMUs")
@@ -164,25 +160,28 @@ class Network:
         self.names[place] = name
         if name != label:
             logger.warning("%s: component %r is renamed to %r", self.files.name, label, name)
-        self._read_connectors(component.connectors, place, units)
+        self._read_connectors(component, place, units)
         for variable, description in fmu.variables.items():
             self.kinds[place, variable] = description.causality
             unit = fmu.unit_definition(variable)
             if unit is not None:
                 self.units[place, variable] = unit
-        self._bind(component.parameter_bindings, place, f"component {label!r}")
+        self._bind(component, place, f"component {label!r}")
 
-    def _read_connectors(self, connectors: Iterable[Any], place: Place, units: dict[str, Any]) -> None:
-        for connector in connectors:
-            self.kinds[place, connector.name] = connector.kind
-            unit = units.get(getattr(connector.type_, "unit", None) or "")
-            if unit is not None:
-                self.units[place, connector.name] = unit
+    def _read_connectors(self, element: Any, place: Place, units: dict[str, Any]) -> None:  # noqa: ANN401
+        for connector in element.iterfind("{*}Connectors/{*}Connector"):
+            node = place, connector.attrib["name"]
+            self.kinds[node] = connector.attrib["kind"]
+            for kind in connector:
+                if (unit := units.get(kind.get("unit", ""))) is not None:
+                    self.units[node] = unit
 
-    def _read_connection(self, connection: Any, xml: Any, place: Place) -> None:  # noqa: ANN401
+    def _read_connection(self, connection: Any, place: Place) -> None:  # noqa: ANN401
         """Read a connection, which may be written in either direction."""
-        start: Node = self._child(place, connection.start_element), connection.start_connector
-        end: Node = self._child(place, connection.end_element), connection.end_connector
+        start, end = (
+            ((*place, *filter(None, [connection.get(f"{which}Element")])), connection.attrib[f"{which}Connector"])
+            for which in ("start", "end")
+        )
         label = f"connection {dotted(start)!r} to {dotted(end)!r}"
         sends = []
         for node in (start, end):
@@ -197,21 +196,14 @@ class Network:
             self.files.refuse(f"{label} joins two {'outputs' if sends[0] else 'inputs'}", "Connect an output to an input")
         if end in self.feeds:
             self.files.refuse(f"{dotted(end)!r} is connected twice", "Remove one of its connections")
-        gain, bias = 1.0, 0.0
-        for child in xml:
-            tag = child.tag.rpartition("}")[2]
-            if tag == "LinearTransformation":
-                gain, bias = float(child.get("factor", 1.0)), float(child.get("offset", 0.0))
-            elif tag.endswith("Transformation"):
-                self.files.refuse(f"{label} has a {tag}", "Use a linear transformation of Reals")
-        self.feeds[end] = Feed(start, gain, bias, xml.get("suppressUnitConversion") not in ("true", "1"))
+        kind, gain, bias, converts = transformation(connection)
+        if kind not in ("", "LinearTransformation"):
+            self.files.refuse(f"{label} has a {kind}", "Use a linear transformation of Reals")
+        self.feeds[end] = Feed(start, gain, bias, converts)
 
-    def _child(self, place: Place, element: str | None) -> Place:
-        return (*place, element) if element else place
-
-    def _bind(self, bindings: Iterable[Any] | None, place: Place, owner: str) -> None:
+    def _bind(self, element: Any, place: Place, owner: str) -> None:  # noqa: ANN401
         """Keep the values that the bindings of a component or system give, by their names from the root system."""
-        found = read_bindings(self.files, bindings, owner)
+        found = read_bindings(self.files, element, owner)
         self._bound += [(dotted((place, name)), given) for name, given in found.items()]
 
 
@@ -268,11 +260,10 @@ def _naming(archive: str, folder: Path) -> Iterator[None]:
 
 def _read_scenario(files: SspFiles, step: float | None, stop: float | None) -> Scenario:
     """Read the structure and put the scenario together."""
-    root = files.parse(files.folder / STRUCTURE).getroot()
-    ssd = files.read(SSD, files.folder / STRUCTURE)
-    if ssd.system is None:
+    root = files.root(files.folder / STRUCTURE, "SystemStructureDescription")
+    if root.find("{*}System") is None:
         files.refuse("its system structure holds no system", "Ask its author for a complete one")
-    network = Network(files, ssd, root)
+    network = Network(files, root)
     content = _annotation(files, root)
     connections = _connections(network)
     if "order" not in content and content.get("master") != "jacobi":
@@ -281,7 +272,7 @@ def _read_scenario(files: SspFiles, step: float | None, stop: float | None) -> S
     start = times.get("startTime", 0.0)
     stop = times.get("stopTime") if stop is None else stop
     content |= {
-        "title": ssd.base_element.description or "",
+        "title": root.get("description", ""),
         "start": start,
         "step": _step(network, root) if step is None else step,
         "stop": _preferred(network, "stopTime", "stop time", max, above=start) if stop is None else stop,
@@ -318,11 +309,11 @@ def _components(network: Network, connected: set[str]) -> dict[str, Any]:
     components = {}
     for place, fmu in network.fmus.items():
         tables: dict[str, dict[str, Value]] = {"parameters": {}, "inputs": {}}
-        for table, causality in (("parameters", "parameter"), ("inputs", "input")):
-            for variable in fmu.names(causality):
+        for table, given in tables.items():
+            for variable in fmu.names(table.removesuffix("s")):
                 value = network.value((place, variable))
                 if value is not None and network.endpoint((place, variable)) not in connected:
-                    tables[table][variable] = value
+                    given[variable] = value
         source = fmu.path.relative_to(network.files.folder.resolve()).as_posix()
         components[network.names[place]] = {"fmu": source, **tables}
     return components
@@ -330,8 +321,7 @@ def _components(network: Network, connected: set[str]) -> dict[str, Any]:
 
 def _order(network: Network, connections: list[Connection]) -> dict[str, Any]:
     """Choose an order if FMUs feed each other in a circle, because SSP does not state one."""
-    names = network.names.values()
-    feeds = {name: [c.receiver for c in connections if c.sender == name] for name in names}
+    feeds = {name: [c.receiver for c in connections if c.sender == name] for name in network.names.values()}
     if not find_cycle(feeds):
         return {}
     order = sort_components(feeds, feeds)

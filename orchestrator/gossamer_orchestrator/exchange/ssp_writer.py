@@ -206,10 +206,9 @@ def inexpressible(scenario: Scenario, what: str, keys: Mapping[str, float | None
         What to do about an event, besides removing it.
     """
     problems = Problems(scenario.source)
-    for i, _ in enumerate(scenario.events):
-        problems.add(("events", i), f"{what} has no events. Remove it, {advice}.")
-    for i, _ in enumerate(scenario.inputs):
-        problems.add(("inputs", i), f"{what} has no inputs from files. Remove it, {advice}.")
+    for table, things in (("events", "events"), ("inputs", "inputs from files")):
+        for i, _ in enumerate(getattr(scenario, table)):
+            problems.add((table, i), f"{what} has no {things}. Remove it, {advice}.")
     for name, component in scenario.components.items():
         if component.every > 1:
             text = f"{what} steps all components at once, so it has no 'every'. Remove it."

@@ -10,7 +10,7 @@ from __future__ import annotations
 import ctypes
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from fmpy.fmi1 import FMICallException
@@ -66,6 +66,8 @@ class Instance:
         self.on_end: Callable[[Instance], object] = lambda _: None
         self._initialized = False
         self._next_event = math.inf  # [s]
+        self._reached = time  # [s]
+        self._written: dict[Port, str] = {}  # inputs whose changes are events, as they were set last
         self._component: Any = None
         try:
             self._slave = start_slave(fmu.description, fmu.folder(), name, self.log, event_mode=self.event_mode)
@@ -98,8 +100,7 @@ class Instance:
     def set_start(self, values: Mapping[str, Value]) -> None:
         """Set parameters and inputs of any type by name."""
         for name, value in values.items():
-            port = self.port([name], self.fmu.variables[name].type).put([value])
-            self._write(port, f"refused {name!r} = {value!r}")
+            self._write(self.port([name], self.fmu.variables[name].type).put([value]), f"refused {name!r} = {value!r}")
 
     def enter_initialization(self, stop: float) -> None:
         """Set the times of the run and enter the mode in which start values are set."""
@@ -143,14 +144,32 @@ class Instance:
             if not again:
                 break
         else:
-            msg = (
-                f"component {self.name!r} still has events after {MAX_UPDATES} updates at t = {self.time:.9g} s."
-                f"{self.log.tail()} Check it with 'gossamer verify'."
-            )
-            raise SimulationError(msg, component=self.name, time=self.time)
+            self._fail(f"still has events after {MAX_UPDATES} updates at t = {self.time:.9g} s")
         self._next_event = float(event) if defined else math.inf
         self._call("could not leave its event mode", self._LEAVE)
         return False
+
+    def _leave_events(self) -> bool:
+        """Handle the present events; True, and it is noted, if the FMU ends the simulation."""
+        over = self.leave_event_mode()
+        if over:
+            self._end(self._reached, self._reached)
+        return over
+
+    def _jump(self, write: Callable[[], None]) -> None:
+        """Set inputs, which is an event once the FMU is initialized."""
+        if self._initialized:
+            self.enter_event_mode()
+        write()
+        if self._initialized:
+            self._leave_events()
+
+    def _write_changed(self, port: Port) -> None:
+        """Set inputs, which is an event, if one of them has changed."""
+        values = repr(port.get())  # in which a value that is no number equals itself
+        if self._written.get(port) != values:
+            self._written[port] = values
+            self._jump(lambda: self._write(port))
 
     def step(self, time: ctypes.c_double, size: ctypes.c_double) -> bool:
         """Advance by ``size`` [s] from ``time`` [s].
@@ -211,9 +230,10 @@ class Instance:
             self._check(status, "did not save its state")
 
     def restore_state(self, slot: int = 0) -> None:
-        """Restore the state saved in a slot."""
+        """Restore the state saved in a slot, with the inputs of then."""
         self._check(self._set_state(self._component, self._states[slot]), "did not restore its saved state")
         self.ended_at = None
+        self._written.clear()
 
     def serialize(self) -> bytes:
         """Return the present state as bytes, which another process can continue from."""
@@ -260,5 +280,11 @@ class Instance:
         if status in (ERROR, FATAL):
             self._initialized = False  # fmi2Terminate is not allowed any more
         label = _LABELS[status] if 0 <= status < len(_LABELS) else str(status)
-        msg = f"component {self.name!r} {what} at t = {self.time:.9g} s ({label}).{self.log.tail()}"
-        raise SimulationError(msg, component=self.name, time=self.time, fatal=status == FATAL)
+        self._fail(f"{what} at t = {self.time:.9g} s ({label})", "", fatal=status == FATAL)
+
+    def _fail(
+        self, what: str, advice: str = " Check it with 'gossamer verify'.", time: float | None = None, *, fatal: bool = False
+    ) -> NoReturn:
+        """Raise an error that names the component and ends in its log and advice; ``time`` [s] is that of the step."""
+        msg = f"component {self.name!r} {what}.{self.log.tail()}{advice}"
+        raise SimulationError(msg, component=self.name, time=self.time if time is None else time, fatal=fatal)

@@ -11,13 +11,13 @@ from __future__ import annotations
 
 import ctypes
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 from fmpy.fmi1 import FMICallException
 
-from ..errors import FmuError, SimulationError
+from ..errors import FmuError
 from .file import FmuFile
 from .instance import Instance
 from .slave import DISCARD, WARNING
@@ -39,11 +39,9 @@ class Instance3(Instance):
     def __init__(self, fmu: FmuFile, name: str, time: float = 0.0) -> None:
         super().__init__(fmu, name, time)
         self._arrays: dict[str, dict[str, Value]] = {}
-        self._written: dict[Port, list[Value]] = {}
         self._flags = (ctypes.c_bool * 4)()
         self._any = ctypes.c_uint32.from_buffer(self._flags)
         self._last = ctypes.c_double(time)
-        self._reached = time  # [s] after the last step
         flags = (ctypes.byref(self._flags, place) for place in (_EVENTS, _OVER, _EARLY))
         self._results = (*flags, ctypes.byref(self._last))
 
@@ -66,8 +64,8 @@ class Instance3(Instance):
             whole = self._arrays.setdefault(array, {v: parse(kind, variables[v].start) for v in names})
             whole |= {v: values[v] for v in names if v in values}
             self._write(self.port(names, kind).put([*whole.values()]), f"refused {array!r} = {[*whole.values()]}")
-        if in_events and self.leave_event_mode():
-            self._end(self._reached, self._reached)
+        if in_events:
+            self._leave_events()
 
     def enter_initialization(self, stop: float) -> None:
         """Set the times of the run and enter the mode in which start values are set."""
@@ -76,40 +74,29 @@ class Instance3(Instance):
     def exit_initialization(self) -> None:
         """Leave the initialization mode; outputs can be read from here on."""
         super().exit_initialization()
-        if self.event_mode and self.leave_event_mode():
-            self._end(self._reached, self._reached)
+        if self.event_mode:
+            self._leave_events()
 
     def write_events(self, port: Port) -> None:
         """Set inputs that may jump; with event mode that is an event, if one of them has changed."""
-        if not (self.event_mode and self._initialized):
+        if self.event_mode and self._initialized:
+            self._write_changed(port)
+        else:
             self.write(port)
-        elif self._written.get(port) != (values := port.get()):
-            self._written[port] = values
-            self.enter_event_mode()
-            self._write(port)
-            if self.leave_event_mode():
-                self._end(self._reached, self._reached)
-
-    def restore_state(self, slot: int = 0) -> None:
-        """Restore the state saved in a slot, with the inputs of then."""
-        super().restore_state(slot)
-        self._written.clear()
 
     def step(self, time: ctypes.c_double, size: ctypes.c_double) -> bool:
-        """Advance by ``size`` [s] from ``time`` [s]; see ``Instance.step``."""
+        """Advance by ``size`` [s] from ``time`` [s], with the events where it returns early; see ``Instance.step``."""
         self._time = time
-        status = self._do_step(self._component, time, size, 0, *self._results)
-        if status > WARNING:
-            if status != DISCARD:
-                self._check(status, "failed")
-            return False
-        self._reached = time.value + size.value
-        return not self._any.value or self._go_on(self._reached)
-
-    def _go_on(self, end: float) -> bool:
-        """After a step with events, an early return or the end of the simulation: handle them, and do the rest."""
-        before = -math.inf
+        end, before = time.value + size.value, -math.inf
         while True:
+            status = self._do_step(self._component, time, size, 0, *self._results)
+            if status > WARNING:
+                if status != DISCARD:
+                    self._check(status, "failed")
+                return False
+            self._reached = end
+            if not self._any.value:
+                return True
             events, over, early, _ = self._flags
             last = self._last.value if early or over else end
             if events and self.event_mode:
@@ -120,22 +107,14 @@ class Instance3(Instance):
             if not early or self._is_at(last, end):
                 return True
             if last <= before:
-                msg = (
-                    f"component {self.name!r} returned early from its step to t = {end:.9g} s again and again, at t = "
-                    f"{last:.9g} s.{self.log.tail()} Check it with 'gossamer verify'."
-                )
-                raise SimulationError(msg, component=self.name, time=self.time)
+                self._fail(f"returned early from its step to t = {end:.9g} s again and again, at t = {last:.9g} s")
             before = last
-            rest = ctypes.c_double(last), ctypes.c_double(end - last)
-            status = self._do_step(self._component, *rest, 0, *self._results)
-            if status > WARNING:
-                if status != DISCARD:
-                    self._check(status, "failed")
-                return False
+            time, size = ctypes.c_double(last), ctypes.c_double(end - last)
 
 
 TOLERANCE = 1e-6  # relative, of the integration, where the model description names none
 MAX_EVENTS = 10_000  # within one communication step
+_SMALLER = " Use a smaller 'step', or correct its parameters."
 
 
 class ModelExchange(Instance):
@@ -146,8 +125,6 @@ class ModelExchange(Instance):
     def __init__(self, fmu: FmuFile, name: str, time: float = 0.0) -> None:
         self._integrator_class = _load_integrator(fmu)
         super().__init__(fmu, name, time)
-        self._inputs: dict[Port, str] = {}  # as they were set last
-        self._now = time  # [s] reached so far
         self._anew = True  # whether the integration starts anew
         self._saved = [(math.inf, time), (math.inf, time)]  # next event and time [s] of the saved states
         asked = getattr(self.fmu.description.defaultExperiment, "tolerance", None)
@@ -169,36 +146,32 @@ class ModelExchange(Instance):
 
     def write(self, port: Port) -> None:
         """Set inputs, which is an event if one of them has changed."""
-        values = repr(port.get())  # in which a value that is no number equals itself
-        if self._inputs.get(port) != values:
-            self._inputs[port] = values
-            self._jump(lambda: self._write(port))
+        self._write_changed(port)
 
-    def _jump(self, write: Callable[[], None]) -> None:
-        """Set inputs, which is an event once the FMU is initialized."""
-        if self._initialized:
-            self.enter_event_mode()
-        write()
-        if self._initialized:
-            self._leave_events()
+    def enter_event_mode(self) -> None:
+        """Enter the mode in which inputs may jump, after which the integration starts anew."""
+        self._anew = True
+        super().enter_event_mode()
 
     def save_state(self, slot: int = 0) -> None:
         """Save the present state in a slot, 0 or 1, in place of the one saved there before."""
         super().save_state(slot)
-        self._saved[slot] = self._next_event, self._now
+        self._saved[slot] = self._next_event, self._reached
 
     def restore_state(self, slot: int = 0) -> None:
         """Restore the state saved in a slot, with the inputs of then."""
         super().restore_state(slot)
-        self._next_event, self._now = self._saved[slot]
-        self._inputs.clear()
+        self._next_event, self._reached = self._saved[slot]
         self._anew = True
 
     def step(self, time: ctypes.c_double, size: ctypes.c_double) -> bool:
         """Integrate from ``time`` [s] over ``size`` [s], with the events on the way; see ``Instance.step``."""
         self._time = time
         now, end, events = time.value, time.value + size.value, 0
-        while events < MAX_EVENTS:
+        while True:
+            if events == MAX_EVENTS:
+                what = f"has had {events} events between t = {time.value:.9g} and {now:.9g} s, and more to come"
+                self._fail(what, _SMALLER, now)
             try:
                 now, root = self._integrator.advance(now, min(end, self._next_event), anew=self._anew)
                 # an earlier state may be restored, if the FMU can do that at all
@@ -209,12 +182,8 @@ class ModelExchange(Instance):
                 self._check(error.status, "failed")
                 raise
             except ArithmeticError as error:
-                msg = (
-                    f"component {self.name!r} cannot be integrated from t = {now:.9g} s: {error}.{self.log.tail()} Use a "
-                    "smaller 'step', or correct its parameters."
-                )
-                raise SimulationError(msg, component=self.name, time=now) from error
-            self._now, self._anew = now, False
+                self._fail(f"cannot be integrated from t = {now:.9g} s: {error}", _SMALLER, now)
+            self._reached, self._anew = now, False
             if over:
                 return self._end(now, end)
             if root or step_event or now >= self._next_event:
@@ -224,19 +193,6 @@ class ModelExchange(Instance):
                     return self._is_at(now, end)
             if now >= end:
                 return True
-        msg = (
-            f"component {self.name!r} has had {MAX_EVENTS} events between t = {time.value:.9g} and {now:.9g} s, and more to "
-            f"come.{self.log.tail()} Use a smaller 'step', or correct its parameters."
-        )
-        raise SimulationError(msg, component=self.name, time=now)
-
-    def _leave_events(self) -> bool:
-        """Handle the present events; True, and it is noted, if the FMU ends the simulation."""
-        self._anew = True
-        over = self.leave_event_mode()
-        if over:
-            self._end(self._now, self._now)
-        return over
 
 
 def _load_integrator(fmu: FmuFile) -> type[Integrator]:

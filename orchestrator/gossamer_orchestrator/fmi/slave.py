@@ -146,11 +146,8 @@ def start_slave(
 
 
 def _callbacks(log: Log, *, proxy: bool) -> Any:  # noqa: ANN401
-    callbacks = fmi2.fmi2CallbackFunctions()
-    callbacks.logger = _LOGGER
-    callbacks.allocateMemory = fmi2.defaultCallbacks.allocateMemory
-    callbacks.freeMemory = fmi2.defaultCallbacks.freeMemory
-    callbacks.componentEnvironment = id(log)
+    own = fmi2.defaultCallbacks
+    callbacks = fmi2.fmi2CallbackFunctions(_LOGGER, own.allocateMemory, own.freeMemory, componentEnvironment=id(log))
     if proxy:
         addLoggerProxy(ctypes.byref(callbacks))
     return callbacks

@@ -111,8 +111,7 @@ class Port:
         values: NDArray[np.float64],
     ) -> None:
         self.kind, self.values, self.size = kind, values, len(values)
-        name = suffix(kind, version)
-        self.get_them, self.set_them = (library[f"fmi{version}{do}{name}"] for do in ("Get", "Set"))
+        self.get_them, self.set_them = (library[f"fmi{version}{do}{suffix(kind, version)}"] for do in ("Get", "Set"))
         self._buffer = np.ctypeslib.as_ctypes(values) if kind == "Real" else (c_type(kind, version) * self.size)()
         self._sizes = (ctypes.c_size_t * self.size)()
         self._kept: list[Any] = []

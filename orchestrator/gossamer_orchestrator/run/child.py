@@ -15,7 +15,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable, Mapping
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -108,12 +108,7 @@ def work() -> None:
 
 def _run(task: RunTask, report: Report) -> None:
     """Plan and simulate; the end of the run is reported before the FMUs are freed, which may crash."""
-    opened = (
-        nullcontext(task.scenario)
-        if isinstance(task.scenario, Scenario)
-        else open_scenario(task.scenario, step=task.step, stop=task.stop)
-    )
-    with opened as scenario:
+    with open_scenario(task.scenario, step=task.step, stop=task.stop) as scenario:
         if task.master is not None:
             if task.master not in MASTERS:
                 msg = f"there is no master {task.master!r}. Choose {' or '.join(MASTERS)}."

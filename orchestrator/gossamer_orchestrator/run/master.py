@@ -19,7 +19,7 @@ from ..fmi.instances import start_instance
 from ..scenario.plan import Plan
 from . import position as at
 from .member import Member, SlowMember
-from .position import COMPONENT, Position, deferred_interrupt, new_position
+from .position import COMPONENT, Position, deferred_interrupt, open_position
 from .signals import Channel, Store
 from .stages import IteratedGroup, Stage, side_by_side
 from .steps import UNITS, ControlledSteps, Division
@@ -79,7 +79,7 @@ class Simulation:
 
     def __init__(self, plan: Plan, position: Position | None = None, *, strict: bool = False, threads: int = 1) -> None:
         self.plan = plan
-        self.position = new_position() if position is None else position
+        self.position = open_position() if position is None else position
         self.scenario = plan.scenario
         self.tick = 0
         self.divided = 0

@@ -26,17 +26,10 @@ _SIZE = 80  # bytes
 Position = memoryview  # of signed integers
 
 
-def new_position() -> Position:
-    """Return a position that only this process sees."""
-    position = memoryview(bytearray(_SIZE)).cast("q")
-    position[COMPONENT] = -1
-    return position
-
-
-def open_position(path: Path, *, new: bool = False) -> Position:
-    """Open the position in a file, which may be made new."""
-    position = memoryview(shared_memory(path, _SIZE, new=new)).cast("q")
-    if new:
+def open_position(path: Path | None = None, *, new: bool = False) -> Position:
+    """Open the position in a file, which may be made new; without a file return one that only this process sees."""
+    position = memoryview(bytearray(_SIZE) if path is None else shared_memory(path, _SIZE, new=new)).cast("q")
+    if new or path is None:
         position[COMPONENT] = -1
     return position
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import logging
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from gossamer_files.options import option
@@ -21,10 +20,7 @@ from ..results.dataset import DETECTOR, WATCHED
 from ..results.netcdf import GrowingFile
 from ..results.shapes import SHAPES, UNFINISHED_SHAPES, Frame, create_shapes, pack_frame, reopen_shapes
 from ..scenario.plan import Plan
-
-if TYPE_CHECKING:
-    from .master import Simulation
-
+from .master import Simulation
 
 _ROWS = 1024
 

@@ -140,18 +140,12 @@ def run_scenario(
             last = _settle(process, folder, temporary, time.perf_counter() - begun, earlier)
             if last is not None:
                 messages.save(folder)
-        except ResultsError as late:
             if error is None:
-                raise
-            error.add_note(str(late))
-            raise error from None
-        if error is None:
-            (folder / files.RESUME).unlink(missing_ok=True)
-        elif last is not None and out is not None:
-            error.add_note(f"Results until t = {last:.9g} s are in {folder}.")
-            if (folder / files.RESUME).is_file():
-                error.add_note("Continue the run with 'gossamer run --resume'.")
-        try:
+                (folder / files.RESUME).unlink(missing_ok=True)
+            elif last is not None and out is not None:
+                error.add_note(f"Results until t = {last:.9g} s are in {folder}.")
+                if (folder / files.RESUME).is_file():
+                    error.add_note("Continue the run with 'gossamer run --resume'.")
             data = files.load_results(folder) if last is not None else None
             if data is not None and out is not None:
                 _write_csv(data, folder, csv)

@@ -151,8 +151,7 @@ class Channel:
         self._amplitude = self._probability = 0.0
         self._hold = True
         if noise is not None:
-            uniform = noise.kind == "uniform"
-            self._noise = _Draws([noise.seed, name, 0], _UNIFORM if uniform else _NORMAL)
+            self._noise = _Draws([noise.seed, name, 0], _UNIFORM if noise.kind == "uniform" else _NORMAL)
             self._amplitude = noise.amplitude
         if dropout is not None:
             self._chance = _Draws([dropout.seed, name, 1], _CHANCE)

@@ -28,7 +28,7 @@ import ctypes
 import logging
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, as_completed
-from typing import Any, Protocol
+from typing import Any, TypeAlias
 
 import numpy as np
 from gossamer_files.options import option
@@ -44,27 +44,8 @@ from .position import AT_ONCE, COMPONENT, RETURNED, Position
 from .signals import Store
 
 
-class Stage(Protocol):
-    """What a run steps at once: a component, or several.
-
-    Attributes
-    ----------
-    number, every : int
-        Number of its first component; it steps at every n-th communication point.
-    """
-
-    number: int
-    every: int
-
-    def receive(self, tick: int) -> None:
-        """Fetch the inputs for a communication point, and set them."""
-
-    def advance(self, time: ctypes.c_double, size: ctypes.c_double, *, full: bool) -> bool:
-        """Step and read outputs (all of them if ``full``); False if an FMU discarded the step."""
-
-
 class Together:
-    """Components none of which receives what another of them has just computed; see ``Stage``.
+    """Components none of which receives what another of them has just computed; it has the methods of a member.
 
     Parameters
     ----------
@@ -318,3 +299,6 @@ def next_guess(guesses: Sequence[Vector], results: Sequence[Vector], scale: Vect
     V, W = V[:, useful] / sizes[useful], W[:, useful] / sizes[useful]
     c = np.linalg.lstsq(V, -r[-1], rcond=_SINGULAR)[0]
     return np.asarray(y[-1] + W @ c)
+
+
+Stage: TypeAlias = Member | Together | IteratedGroup  # what a run steps at once

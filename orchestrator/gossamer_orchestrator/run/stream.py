@@ -19,7 +19,7 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 from zipfile import BadZipFile
 
 import numpy as np
@@ -33,13 +33,10 @@ from ..results.dataset import attributes, plan_columns
 from ..results.files import NETCDF, RESUME, UNFINISHED_NETCDF, has_rows
 from ..results.netcdf import GrowingFile, Layout, make_file
 from ..scenario.plan import Plan
+from .master import Simulation
 from .position import DIVIDED, FIRST, ROWS
 from .recorder import Recorder
 from .steps import ControlledSteps
-
-if TYPE_CHECKING:
-    from .master import Simulation
-
 
 SCHEMA, VERSION = "gossamer.checkpoint", 1
 
@@ -97,16 +94,15 @@ def load_checkpoint(path: Path, plan: Plan) -> tuple[dict[str, Any], dict[str, A
     ScenarioError
         An FMU cannot serialize its state, or the unfinished run had another scenario or other FMUs.
     """
+    again = f"Run it from its start, without {option('resume', True)}."
     if names := unable(plan):
         msg = (
             f"{', '.join(names)} cannot serialize {'its' if len(names) == 1 else 'their'} state (canSerializeFMUstate), or "
-            "has events of its own (event mode, model exchange), so this run cannot be resumed. Run it from its start, "
-            f"without {option('resume', True)}."
+            f"has events of its own (event mode, model exchange), so this run cannot be resumed. {again}"
         )
         raise ScenarioError(msg)
     if not path.is_file():
-        advice = f"Run it from its start, without {option('resume', True)}."
-        msg = f"there is no unfinished run in {path.parent} to resume. {advice}"
+        msg = f"there is no unfinished run in {path.parent} to resume. {again}"
         raise ResultsError(msg)
     try:
         with np.load(path, allow_pickle=False) as file:
@@ -114,7 +110,7 @@ def load_checkpoint(path: Path, plan: Plan) -> tuple[dict[str, Any], dict[str, A
         card: dict[str, Any] = json.loads(str(arrays.pop("card")))
         known = (card["schema"], card["version"])
     except (OSError, ValueError, KeyError, BadZipFile) as error:
-        msg = f"cannot read {path}: {error}. Run it from its start, without {option('resume', True)}."
+        msg = f"cannot read {path}: {error}. {again}"
         raise ResultsError(msg) from error
     if known != (SCHEMA, VERSION):
         msg = f"{path} holds {known[0]!r} version {known[1]}, this program reads {SCHEMA!r} version {VERSION}."

@@ -76,10 +76,8 @@ def read_histories(draft: Draft, fed: dict[str, int]) -> dict[str, History]:
             text = f"input {given.target!r} is fed twice. Remove one of its connections and histories."
             problems.add(("inputs", i, "to"), text)
             continue
-        try:
+        with problems.noting(("inputs", i)):
             histories[given.target] = _read(scenario, given, fmu, name, files)
-        except ScenarioError as error:
-            problems.add(("inputs", i), str(error))
         fed[given.target] = -1
     return histories
 

@@ -43,8 +43,7 @@ def load_scenario(path: Path, *, step: float | None = None, stop: float | None =
         The file cannot be read, is not TOML, or has unknown, missing or meaningless keys; one line per mistake.
     """
     path = Path(path)
-    text = read_text(path, "scenario")
-    return parse_scenario(text, name=path.name, folder=path.parent, step=step, stop=stop)
+    return parse_scenario(read_text(path, "scenario"), name=path.name, folder=path.parent, step=step, stop=stop)
 
 
 def parse_scenario(

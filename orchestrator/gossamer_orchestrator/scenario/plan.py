@@ -12,13 +12,13 @@ from pathlib import Path
 
 from gossamer_files.options import option
 
-from ..errors import FmuError, OrchestratorError, ScenarioError, check_path, explain_file
+from ..errors import FmuError, ScenarioError, check_path, explain_file
 from ..fmi.file import FmuFile
 from ..fmi.types import NUMBERS, TEXTS
 from ..names import matches, split_indices, suggest
 from .connections import Draft, check_connections, check_groups, check_steps, order_components
 from .histories import FILE, History, read_histories
-from .schema import Component, Connection, Scenario, Value
+from .schema import Connection, Scenario, Value
 from .source import Location, Problems
 from .values import expand, start_values
 
@@ -201,59 +201,47 @@ def _find_files(scenario: Scenario, folder: Path, problems: Problems, *, strict:
             problems.found.append(f"{scenario.source.name}: {text}, or name their folder with {option('fmus')}.")
             continue
         if path not in found:
-            literal = scenario.folder / component.fmu
-            found[path] = _read_file(component.fmu, path, literal, place, problems, strict=strict)
+            found[path] = None
+            with problems.noting(place):
+                found[path] = _read_file(
+                    component.fmu, path, scenario.folder / component.fmu, place, problems, strict=strict
+                )
         file = found[path]
         if file is not None:
             only_once = file.interface.canBeInstantiatedOnlyOncePerProcess
             if only_once and file.path in [other.path for other in files.values()]:
                 text = f"FMU {component.fmu!r} can be used by one component only. Make a copy under another name."
                 problems.add(place, text)
-            files[name] = _resize(file, component, place, problems)
+            files[name] = file
+            with problems.noting(place):
+                files[name] = file.resized(component.parameters)
     return files
 
 
-def _resize(file: FmuFile, component: Component, place: Location, problems: Problems) -> FmuFile:
-    """Return the FMU with arrays of the sizes that a component gives by structural parameters."""
-    try:
-        return file.resized(component.parameters)
-    except FmuError as error:
-        problems.add(place, str(error))
-        return file
-
-
-def _read_file(fmu: str, path: Path, literal: Path, place: Location, problems: Problems, *, strict: bool) -> FmuFile | None:
-    """Read an FMU; None, and a problem, if that is not possible; ``literal`` is the file if the name were a path."""
-    try:
-        check_path(path)
-        check_path(literal)
-    except OrchestratorError as error:
-        problems.add(place, str(error))
-        return None
+def _read_file(fmu: str, path: Path, literal: Path, place: Location, problems: Problems, *, strict: bool) -> FmuFile:
+    """Read an FMU; ``literal`` is the file if the name were a path."""
+    check_path(path)
+    check_path(literal)
     other = next((each for each in (path, literal) if each.exists() and not path.is_file()), None)
     if other is not None:
-        problems.add(place, f"{fmu!r} is not an FMU, whose name ends in .fmu. {explain_file(other)}")
-        return None
+        msg = f"{fmu!r} is not an FMU, whose name ends in .fmu. {explain_file(other)}"
+        raise FmuError(msg)
     if not path.is_file():
         near = suggest(path.stem, sorted(p.stem for p in path.parent.glob("*.fmu")))
         build = f"gossamer build {fmu}" if fmu in ("framed_membrane", "hub") else "gossamer build"  # which builds the others
         more = "" if fmu.endswith(".fmu") else f" Build the FMUs with '{build}' or name their folder with {option('fmus')}."
         if fmu == "estimator":
             more += NO_ESTIMATOR
-        problems.add(place, f"there is no FMU {fmu!r} in {path.parent}. {near}{more}")
-        return None
-    try:
-        file = FmuFile(path)
-    except FmuError as error:
-        problems.add(place, str(error))
-        return None
+        msg = f"there is no FMU {fmu!r} in {path.parent}. {near}{more}"
+        raise FmuError(msg)
+    file = FmuFile(path)
     if file.findings:
         more = f" .. and {len(file.findings) - 3} more" if len(file.findings) > 3 else ""
-        text = f"FMU {fmu!r} is against the rules of FMI: {' '.join(file.findings[:3])}{more}"
+        msg = f"FMU {fmu!r} is against the rules of FMI: {' '.join(file.findings[:3])}{more}"
         if strict:
-            problems.add(place, f"{text} Correct it, or run it without {option('strict', True)}.")
-        else:
-            logger.warning("%s: %s", problems.source.where(place), text)
+            msg += f" Correct it, or run it without {option('strict', True)}."
+            raise FmuError(msg)
+        logger.warning("%s: %s", problems.source.where(place), msg)
     return file
 
 

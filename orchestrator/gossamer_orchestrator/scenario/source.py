@@ -10,13 +10,13 @@ import re
 import tomllib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
-from ..errors import ScenarioError, check_path, explain_file, writing
+from ..errors import OrchestratorError, ScenarioError, check_path, explain_file, writing
 from ..names import suggest
 
 Location = tuple[str | int, ...]
@@ -106,6 +106,14 @@ class Problems:
     def add(self, location: Location, text: str) -> None:
         """Note a mistake at a key."""
         self.found.append(f"{self.source.where(location)}: {text}")
+
+    @contextmanager
+    def noting(self, location: Location) -> Iterator[None]:
+        """Note an error of the ``with`` block as a mistake at a key."""
+        try:
+            yield
+        except OrchestratorError as error:
+            self.add(location, str(error))
 
     def raise_if_any(self) -> None:
         """Raise ``ScenarioError`` with every mistake on a line of its own."""

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 from contextlib import nullcontext
 from itertools import zip_longest
+from operator import methodcaller
 from pathlib import Path
 from typing import Any
 
@@ -174,20 +175,12 @@ def _nan(subject: Subject) -> Outcome:
 
 @check("wrong state", runs=True)
 def _wrong_state(subject: Subject) -> Outcome:
-    def step(one: InstanceUnderTest) -> None:
-        one.step(0)
-
-    def terminate(one: InstanceUnderTest) -> None:
-        one.slave.terminate()
-
-    def finish(one: InstanceUnderTest) -> None:
-        one.slave.exitInitializationMode()
-
-    cases: dict[str, list[Callable[[InstanceUnderTest], None]]] = {
+    initialize, step = InstanceUnderTest.initialize, methodcaller("step", 0)
+    cases: dict[str, list[Callable[[InstanceUnderTest], object]]] = {
         "a step before initialization": [step],
-        "the end of an initialization that never began": [finish],
-        "a second initialization": [InstanceUnderTest.initialize, InstanceUnderTest.initialize],
-        "a step after termination": [InstanceUnderTest.initialize, terminate, step],
+        "the end of an initialization that never began": [lambda one: one.slave.exitInitializationMode()],
+        "a second initialization": [initialize, initialize],
+        "a step after termination": [initialize, lambda one: one.slave.terminate(), step],
     }
     accepted = []
     for name, (*prepare, misuse) in cases.items():

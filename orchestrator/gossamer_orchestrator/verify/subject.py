@@ -142,8 +142,7 @@ class InstanceUnderTest:
     def __init__(self, subject: Subject, token: str | None) -> None:
         self.subject = subject
         self.ended = self._ended_when_saved = False
-        start = subject.calls.make
-        slave = start(start_slave, subject.description, subject.folder, "verified", subject.log, token=token)
+        slave = subject.calls.make(start_slave, subject.description, subject.folder, "verified", subject.log, token=token)
         self.slave: Any = _Counted(slave, subject.calls)
 
     def initialize(self) -> None:
