@@ -157,8 +157,7 @@ def _legend(ax: Axes) -> None:
     columns = len(labels) if sum(widths) <= room else max(1, int(room / max(widths)))
     below = ax.transAxes + ScaledTranslation(0.0, -0.48, ax.figure.dpi_scale_trans)
     place: Any = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "bbox_transform": below}
-    legend = ax.legend(handles, labels, ncols=columns, borderaxespad=0.0, **place)
-    for text in legend.get_texts():
+    for text in ax.legend(handles, labels, ncols=columns, borderaxespad=0.0, **place).get_texts():
         text.set_parse_math(False)
 
 
@@ -250,12 +249,10 @@ def _bars(trace: Trace, x: Array, y: Array, beside: tuple[int, int], ax: Axes) -
 
 
 def _words(trace: Trace, x: Array, y: Array, ax: Axes) -> None:
-    colors = _color(trace["textfont"]["color"])
+    colors, size = _color(trace["textfont"]["color"]), 0.65 * trace["textfont"]["size"]
     for k, text in enumerate(trace["text"]):
-        plain = re.sub("<br>", "\n", str(text))
+        plain = re.sub("<[^>]*>", "", str(text).replace("<br>", "\n"))
         color = colors[k] if isinstance(colors, list) else colors
-        size = 0.65 * trace["textfont"]["size"]
-        plain = re.sub("<[^>]*>", "", plain)
         ax.text(x[k], y[k], plain, ha="center", va="center", color=color, fontsize=size, parse_math=False)
 
 
@@ -279,8 +276,7 @@ def _scatter(trace: Trace, x: Array, y: Array, low: Array, ax: Axes) -> None:
             look |= {"drawstyle": "steps-post"} if style else {}
         if "markers" in trace["mode"]:
             symbol = marker.get("symbol", "circle")
-            size = np.max(marker.get("size", 6))
-            look |= {"marker": SYMBOLS[symbol], "ms": 0.7 * float(size), "clip_on": False}
+            look |= {"marker": SYMBOLS[symbol], "ms": 0.7 * float(np.max(marker.get("size", 6))), "clip_on": False}
             look |= {"mfc": "none"} if symbol.endswith("open") else {}
         reach: Any = {f"{axis}err": each for axis in "xy" if (each := _errors(trace, axis)) is not None}
         if reach:

@@ -135,8 +135,7 @@ def _of_strain(seen: ModelledRecord) -> list[Chart]:
     note, applied = f"Recovered from the measured resistance.{late}", curve("applied", t, strain, "@grey", width=3)
     text = f"Applied strain from {strain.min():.4g} to {strain.max():.4g} % and strain recovered from the resistance."
     left, y = " ".join([f"Of the record's range of {size:.4g} % strain.", *stated]), "recovered - applied [% of range]"
-    title = "Error of the recovered strain"
     return [
         seen.over_time("Strain over time", "strain [%]", [applied, *histories], note=note, text=text, broad=True),
-        seen.over_time(title, y, errors, note=left, text=" ".join(said), marks=[rule(y=0.0)]),
+        seen.over_time("Error of the recovered strain", y, errors, note=left, text=" ".join(said), marks=[rule(y=0.0)]),
     ]

@@ -85,13 +85,12 @@ def reliability_charts(observed: Sequence[Trace]) -> list[Chart]:
 
 
 def _color(found: AssessmentResults, judge: str) -> str:
-    judges = [each for each in found.judges if each != ZERO]
-    return "@grey" if judge == ZERO else COLORS[judges.index(judge) % len(COLORS)]
+    return "@grey" if judge == ZERO else COLORS[_place(found, judge) % len(COLORS)]
 
 
-def _symbol(found: AssessmentResults, judge: str) -> str:
-    judges = [each for each in found.judges if each != ZERO]
-    return "diamond" if judge == ZERO or judges.index(judge) < len(COLORS) else "square"
+def _place(found: AssessmentResults, judge: str) -> int:
+    """Return the number of a judge, which chooses its colour and symbol."""
+    return [each for each in found.judges if each != ZERO].index(judge)
 
 
 def _by_condition(found: AssessmentResults, title: str, x: str, values: dict[tuple[str, str], Any], note: str = "") -> Chart:
@@ -102,7 +101,8 @@ def _by_condition(found: AssessmentResults, title: str, x: str, values: dict[tup
         value, low, high = np.array([_bounded(values.get((judge, c), math.nan)) for c in conditions]).reshape(-1, 3).T
         if np.isnan(value).all():
             continue
-        trace = points(judge, value, conditions, _color(found, judge), symbol=_symbol(found, judge), size=8)
+        symbol = "diamond" if judge == ZERO or _place(found, judge) < len(COLORS) else "square"
+        trace = points(judge, value, conditions, _color(found, judge), symbol=symbol, size=8)
         if np.isfinite(low).any():
             trace = with_interval(trace, low, high, "x")
         traces.append(trace | {"orientation": "h"})
@@ -156,8 +156,7 @@ def _largest(found: AssessmentResults) -> list[Chart]:
         counts, _ = np.histogram(row.largest, edges)
         name = f"{row.judge}, {row.condition.removeprefix('healthy, ')}"
         dash = DASHES[conditions.index(row.condition) % len(DASHES)]
-        line = curve(name, 100.0 * edges, [*counts, 0], _color(found, row.judge), shape="hv", dash=dash)
-        traces.append(line)
+        traces.append(curve(name, 100.0 * edges, [*counts, 0], _color(found, row.judge), shape="hv", dash=dash))
     note = "0 where the record is not valid. Judges that say 0 of all records are left out."
     title, layout = "Largest estimate of healthy records", {"yaxis": {"type": "log"}}
     return [Chart(title, "largest estimate [% damage]", "records", traces, note=note, layout=layout, broad=True)]
@@ -165,7 +164,8 @@ def _largest(found: AssessmentResults) -> list[Chart]:
 
 def _detections(found: AssessmentResults) -> list[Chart]:
     """Draw the probability of detection of all zones together, and the size that is found by zone."""
-    charts = []
+    charts: list[Chart] = []
+    names = found.zone_names
     for condition in dict.fromkeys(row.condition for row in found.detections):
         rows = [row for row in found.detections if row.condition == condition]
         traces = [t for row in rows if not row.zone for t in _curves(row.judge, row.curve, _color(found, row.judge))]
@@ -176,15 +176,10 @@ def _detections(found: AssessmentResults) -> list[Chart]:
         if by_zone := [t for some, color in own for t in _zones(some, color)]:
             title = f"Size found in 90 % of cases by zone, {condition}"
             note = "Bars reach up to the 95 % bound, a90/95; a point alone is that. Zones without it are left out."
-            layout = {"xaxis": _zone_axis(found), "yaxis": {"rangemode": "tozero"}, "scattermode": "group"}
+            axis = {"tickvals": list(range(1, len(names) + 1)), "ticktext": names} if names else {"dtick": 1}
+            layout = {"xaxis": axis, "yaxis": {"rangemode": "tozero"}, "scattermode": "group"}
             charts.append(Chart(title, "zone", "damage [%]", by_zone, note=note, layout=layout))
     return charts
-
-
-def _zone_axis(found: AssessmentResults) -> dict[str, Any]:
-    """Return an axis of zones by number, with their names if they have some."""
-    names = found.zone_names
-    return {"tickvals": list(range(1, len(names) + 1)), "ticktext": names} if names else {"dtick": 1}
 
 
 def _curves(name: str, rows: ArrayLike, color: str) -> list[Trace]:
@@ -208,12 +203,9 @@ def _curves(name: str, rows: ArrayLike, color: str) -> list[Trace]:
 
 def _detection_chart(title: str, traces: Sequence[Trace], note: str = "", marks: Sequence[Trace] = ()) -> Chart:
     """Draw probabilities of detection over the size of damage, with a line at ``DETECTED``."""
-    sizes = {
-        "type": "log",
-        "tickvals": [0.5, 1, 2, 5, 10, 20, 50, 100],
-        "ticktext": ["0.5", "1", "2", "5", "10", "20", "50", "100"],
-    }
-    layout = {"xaxis": sizes, "yaxis": {"range": [0.0, 1.02]}}
+    sizes = [0.5, 1, 2, 5, 10, 20, 50, 100]
+    axis = {"type": "log", "tickvals": sizes, "ticktext": [f"{size:g}" for size in sizes]}
+    layout = {"xaxis": axis, "yaxis": {"range": [0.0, 1.02]}}
     marks = [rule(y=DETECTED, dash="dot", width=1), *marks]
     x, y = "damage of the zone [%]", "probability of detection [1]"
     return Chart(title, x, y, traces, note=note, layout=layout, marks=marks)
@@ -251,8 +243,7 @@ def _zones(rows: Sequence[Any], color: str) -> list[Trace]:
         return []
     bound = np.array([100.0 * row.a90_95 for row in there])
     size = np.array([100.0 * row.a90 if math.isfinite(row.a90) else b for row, b in zip(there, bound, strict=True)])
-    trace = points(there[0].judge, [row.zone for row in there], size, color)
-    return [with_interval(trace, size, bound)]
+    return [with_interval(points(there[0].judge, [row.zone for row in there], size, color), size, bound)]
 
 
 def _stated(found: AssessmentResults) -> list[Chart]:

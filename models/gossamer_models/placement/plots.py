@@ -23,8 +23,7 @@ VIRIDIS = ((68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231,
 
 def placement_charts(found: Placing) -> list[Chart]:
     """Return all charts of a placement."""
-    check = _check(found)
-    parts = (("Membrane", _maps(found)), ("Zones", [_zones(found)]), ("Sensors", _curve(found)), ("Check", check))
+    parts = (("Membrane", _maps(found)), ("Zones", [_zones(found)]), ("Sensors", _curve(found)), ("Check", _check(found)))
     return [chart for title, charts in parts for chart in section(title, charts)]
 
 
@@ -85,7 +84,8 @@ def _maps(found: Placing) -> list[Chart]:
     view = view_of(mesh.nodes)
     faces, zone = faces_of(found.structure)
     flat = [mesh.nodes[nodes] @ view for nodes in faces]
-    axes = [f"{name} [m]".strip() for name in _axes_of(view)]
+    named = [next((x for x, axis in zip("xyz", np.eye(3), strict=True) if np.allclose(along, axis)), "") for along in view.T]
+    axes = [f"{name} [m]".strip() for name in named]
     charts = []
     for name, p in placements(found):
         shade = (np.log10(p.a90) - limits[0]) / (limits[1] - limits[0])
@@ -136,23 +136,15 @@ def _scale(limits: Array) -> Trace:
     ticks = np.linspace(limits[0], limits[1], 4)
     labels = [f"{100.0 * 10.0**tick:.2g}" for tick in ticks]
     bar = {"title": {"text": "a90 [%]"}, "tickvals": ticks.tolist(), "ticktext": labels, "thickness": 12}
-    scale = {"color": limits.tolist(), "colorscale": "Viridis", "reversescale": True}
-    marker = scale | {"showscale": True, "colorbar": bar}
+    marker = {"color": limits.tolist(), "colorscale": "Viridis", "reversescale": True, "showscale": True, "colorbar": bar}
     return {"type": "scatter", "mode": "markers", "x": [None, None], "y": [None, None], "marker": marker}
 
 
 def _color(shade: float) -> str:
     """Return a colour of Viridis, 0 the lightest and 1 the darkest."""
     place = (1.0 - min(max(shade, 0.0), 1.0)) * (len(VIRIDIS) - 1)
-    low = min(int(place), len(VIRIDIS) - 2)
-    parts = np.array(VIRIDIS[low]) + (place - low) * (np.array(VIRIDIS[low + 1]) - np.array(VIRIDIS[low]))
+    parts = [np.interp(place, range(len(VIRIDIS)), shades) for shades in zip(*VIRIDIS, strict=True)]
     return "#" + "".join(f"{round(float(part)):02x}" for part in parts)
-
-
-def _axes_of(view: Matrix) -> list[str]:
-    """Name the directions of a view that are axes."""
-    largest = enumerate(np.abs(view).argmax(axis=0))
-    return ["xyz"[k] if np.allclose(view[:, i], np.eye(3)[k]) else "" for i, k in largest]
 
 
 def view_of(nodes: Matrix) -> Matrix:

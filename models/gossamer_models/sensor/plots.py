@@ -49,16 +49,14 @@ def plane_chart(artifact: SensorArtifact, name: str) -> Chart:
     lowest, highest, constant = float(np.nanmin(plane)), float(np.nanmax(plane)), constant_eta(artifact)
     if name == "eta":
         ends = {"zmin": min(lowest, ETA_SCALE[0]), "zmax": max(highest, ETA_SCALE[1])}
-        note, text = (
-            "The share of mu that a down-switch removes.",
-            f"eta over the Preisach plane, {lowest:.3g} to {highest:.3g}.",
-        )
+        note = "The share of mu that a down-switch removes."
+        text = f"eta over the Preisach plane, {lowest:.3g} to {highest:.3g}."
         return _map("Share eta", heat(cells, cells, plane, "eta [1]", **ends), note, text)
     top = float(plane[np.tril_indices(artifact.n_lines, -1)].max(initial=0.0)) or highest
-    what = "eta, the share of mu that a down-switch removes, is"
-    same, known = (
-        ("", "") if constant is None else (f" {what} {constant:.4g} everywhere.", f"eta = {constant:.3g} all over the plane")
-    )
+    same = known = ""
+    if constant is not None:
+        same = f" eta, the share of mu that a down-switch removes, is {constant:.4g} everywhere."
+        known = f"eta = {constant:.3g} all over the plane"
     note = f"The elastic line, the diagonal, reaches {np.diag(plane).max():.3g} and may exceed the scale.{same}"
     text = f"Weights of up-switching over the Preisach plane, up to {top:.3g} off the elastic line.{same}"
     return _map("Density mu", heat(cells, cells, plane, "mu [1]", zmin=0.0, zmax=top), note, text, known)

@@ -6,8 +6,10 @@ Only a valid judgement calls a zone damaged, and has the colours of damage. Dama
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from gossamer_files.charts import Array, Chart, Stages, Trace, band, bars, curve, heat, points, rule, words
@@ -69,8 +71,7 @@ class DamageHistory:
     def begin(self) -> Array:
         """Where the stretch of each judgement begins [s]."""
         before = np.concatenate([[self.run.time[0]], self.time[:-1]])
-        detector = find_all(self.run.data, "detector")[0]
-        length = parameters_of(self.run.data, detector).get("window_length", math.nan)
+        length = parameters_of(self.run.data, find_all(self.run.data, "detector")[0]).get("window_length", math.nan)
         length = float(np.diff(self.time).min()) if math.isnan(length) and self.time.size > 1 else length
         return before if math.isnan(length) else np.maximum(before, self.time - length)
 
@@ -135,8 +136,7 @@ def _cells(judged: DamageHistory, k: int, known: int) -> list[Trace]:
     cells = heat(places, places, shown.reshape(side, side), "%", zmin=0.0, zmax=judged.top, xgap=2, ygap=2, hoverinfo="skip")
     inks = [f"@over/{value / judged.top:.3f}" if valid else "@ink" for value in shown]
     not_valid = [_not_valid(side / 2.0 + 0.5, side + 0.7)] if not valid else []
-    scale = "@damage" if valid else "@unsure"
-    return [cells | {"colorscale": scale}, words(column, row, texts, inks), *not_valid]
+    return [cells | {"colorscale": "@damage" if valid else "@unsure"}, words(column, row, texts, inks), *not_valid]
 
 
 def _not_valid(x: float, y: float) -> Trace:
@@ -200,10 +200,8 @@ def history_charts(judged: DamageHistory) -> list[Chart]:
     alarms, found = watch.get("alarms", []), watch.get("findings", [])
     if found:
         reach = {"array": [2.0 * each["onset_deviation"] for each in found], "color": "@alarm"}
-        onsets = points(
-            "onset, twin", [each["onset"] for each in found], np.zeros(len(found)), "@alarm", symbol="diamond", size=11
-        )
-        traces.append(onsets | {"error_x": reach})
+        onsets, bottom = [each["onset"] for each in found], np.zeros(len(found))
+        traces.append(points("onset, twin", onsets, bottom, "@alarm", symbol="diamond", size=11) | {"error_x": reach})
     if alarms:
         traces.append(curve("alarm, twin", [np.nan], [np.nan], "@alarm", width=2, dash="dashdot"))
     note = [
@@ -213,11 +211,15 @@ def history_charts(judged: DamageHistory) -> list[Chart]:
         "What is not valid has no band and no colour: the grey line is then the largest of all zones." * unsure,
         "A line marks each alarm of the digital twin, a diamond the onset that it found." * bool(alarms),
     ]
-    marks = [rule(x=alarm, color="@alarm", dash="dashdot", width=2) for alarm in alarms]
     text = "Estimated damage of the zones over time, true damage dashed, with alarms and onsets." * bool(judged.time.size)
     layout = {"yaxis": {"rangemode": "tozero"}}
-    more = {"note": " ".join(filter(None, note)), "text": text, "layout": layout, "marks": marks, "broad": True}
+    more = {"note": " ".join(filter(None, note)), "text": text, "layout": layout, "marks": _alarms(watch), "broad": True}
     return [over_time("Damage over time", "damage [%]", traces, **more)]
+
+
+def _alarms(watch: Mapping[str, Any]) -> list[Trace]:
+    """Return lines at the alarms of the twin."""
+    return [rule(x=alarm, color="@alarm", dash="dashdot", width=2) for alarm in watch.get("alarms", [])]
 
 
 def _judgements(judged: DamageHistory, shown: list[int]) -> list[Trace]:
@@ -227,8 +229,7 @@ def _judgements(judged: DamageHistory, shown: list[int]) -> list[Trace]:
     between, traces = np.array([np.nan, 1.0, 1.0, np.nan]), []
 
     def over_windows(values: Array, gap: float = math.nan) -> Array:
-        flat: Array = np.where(np.isnan(between), gap, values[:, None]).ravel()
-        return flat
+        return np.asarray(np.where(np.isnan(between), gap, values[:, None])).ravel()
 
     if rest or not judged.valid.all():
         others = judged.estimated[:, rest].max(axis=1) if rest else np.zeros(len(judged.time))
@@ -236,15 +237,11 @@ def _judgements(judged: DamageHistory, shown: list[int]) -> list[Trace]:
         traces.append(curve("largest of the others", x, over_windows(largest), "@grey", width=1) | {"hoverinfo": "skip"})
     for i, z in enumerate(shown if judged.valid.any() else []):
         if judged.sure:
-            reach = 2.0 * np.nan_to_num(judged.deviation[:, z])
-            low, high = (
-                over_windows(np.where(judged.valid, np.maximum(judged.estimated[:, z] + sign * reach, 0.0), 0.0), 0.0)
-                for sign in (-1.0, 1.0)
-            )
-            traces += [
-                each | {"showlegend": False}
-                for each in band(f"zone {judged.labels[z]} ± 2 deviations", x, low, high, f"@{i}")
-            ]
+            reach = np.outer([-2.0, 2.0], np.nan_to_num(judged.deviation[:, z]))
+            ends = np.where(judged.valid, np.maximum(judged.estimated[:, z] + reach, 0.0), 0.0)
+            low, high = (over_windows(end, 0.0) for end in ends)
+            edges = band(f"zone {judged.labels[z]} ± 2 deviations", x, low, high, f"@{i}")
+            traces += [edge | {"showlegend": False} for edge in edges]
         own = np.where(judged.valid, judged.estimated[:, z], np.nan)
         traces.append(curve(f"zone {judged.labels[z]}", x, over_windows(own), f"@{i}", width=2))
     for valid, symbol, name in ((True, "circle", "judgement"), (False, "x", "not valid")):
@@ -261,37 +258,29 @@ def doubt_charts(judged: DamageHistory) -> list[Chart]:
     likeness = ended[-1].likeness if ended else ""
     measures = np.array([window.likeness_value for window in ended])
     if likeness and np.isfinite(measures).any():
-        misfit = likeness == "misfit"
-        limit, side = (LARGEST_MISFIT, "up to") if misfit else (LEAST_SIMILARITY, "from")
-        what = (
-            "the distance from the records of its training"
-            if misfit
-            else "1 for a record of its training, 0 for one like none"
-        )
+        limit, side, what = LEAST_SIMILARITY, "from", "1 for a record of its training, 0 for one like none"
+        if likeness == "misfit":
+            limit, side, what = LARGEST_MISFIT, "up to", "the distance from the records of its training"
         title = f"{likeness.capitalize()} with what the detector was trained on"
         note = f"The {likeness} is {what}; a judgement is valid {side} {limit:g}."
         charts.append(_measured(title, judged.time, measures, limit, f"{likeness} [1]", note))
     risk = 100.0 * np.array([window.risk for window in ended])
     if np.isfinite(risk).any():
         note = "The chance that some zone is wrong by more than 10 % of its stiffness; a judgement is valid up to 1 %."
-        charts.append(
-            _measured("Risk that the detector is wrong", judged.time, risk, 100.0 * LARGEST_RISK, "risk [%]", note)
-        )
+        title = "Risk that the detector is wrong"
+        charts.append(_measured(title, judged.time, risk, 100.0 * LARGEST_RISK, "risk [%]", note))
     if watch.get("time") and watch.get("score"):
-        marks = [rule(x=alarm, color="@alarm", dash="dashdot", width=2) for alarm in watch.get("alarms", [])]
-        traces = [
-            _line(name, np.array(watch["time"]), np.array(watch[key], dtype=float), color)
-            for name, key, color in (("chi2 per sample", "misfit", "@0"), ("score of new damage", "score", "@1"))
-        ]
+        named = (("chi2 per sample", "misfit", "@0"), ("score of new damage", "score", "@1"))
+        time = np.array(watch["time"])
+        traces = [_line(name, time, np.array(watch[key], dtype=float), color) for name, key, color in named]
         note = f"At the end of each of its windows. {EXPLAINED} The score of new damage is over its mean."
         layout = {"yaxis": {"type": "log"}}
-        charts.append(over_time("Misfit of the digital twin", "[1]", traces, note=note, marks=marks, layout=layout))
+        charts.append(over_time("Misfit of the digital twin", "[1]", traces, note=note, marks=_alarms(watch), layout=layout))
     return charts + _indices(judged)
 
 
 def _line(name: str, x: Array, y: Array, color: str = "@0") -> Trace:
-    mode = "lines" if len(x) > MOST_MARKERS else "lines+markers"
-    return curve(name, x, y, color) | {"mode": mode, "cliponaxis": False}
+    return curve(name, x, y, color) | {"mode": "lines" + "+markers" * (len(x) <= MOST_MARKERS), "cliponaxis": False}
 
 
 def _measured(title: str, time: Array, values: Array, limit: float, y: str, note: str) -> Chart:
@@ -306,13 +295,11 @@ def _indices(judged: DamageHistory) -> list[Chart]:
     name = f"{next(iter(find_all(data, 'detector')), '')}.index"
     if not judged.time.size or name not in data:
         return []
-    rows = np.searchsorted(judged.run.time, judged.time)
-    index = data[name].isel(time=rows).to_numpy()
+    index = data[name].isel(time=np.searchsorted(judged.run.time, judged.time)).to_numpy()
     judged.run.drawn.add(name)
     if index.ndim != 2 or not index[0].all():
         return []
-    places = np.arange(1, index.shape[1] + 1)
-    cells = heat(judged.time, places, (index / index[0]).T, "[1]", colorscale="Cividis")
+    cells = heat(judged.time, np.arange(1, index.shape[1] + 1), (index / index[0]).T, "[1]", colorscale="Cividis")
     note = "One row for each index of the detector; 1 is no change."
     return [over_time("Packet energies over those of the first window", "index", [cells], note=note)]
 

@@ -48,17 +48,17 @@ def membrane_charts(run: Recorded, judged: DamageHistory) -> tuple[list[Chart], 
             "colours": _colours(run, judged, history, found, flat=flat),
         }
         charts.append(_in_space(judged, content, flat=flat))
-    return [*charts, *_deflection(run, judged), *_load(run), *_strain(run, found)], content
+    if f"{run.membrane}.deflection" in run.data:
+        charts.append(deflection_chart(run, tall=bool(judged.side)))
+    return [*charts, *_load(run), *_strain(run, found)], content
 
 
 def _in_space(judged: DamageHistory, content: dict[str, Any], *, flat: bool) -> Chart:
-    scale = (
-        "Drawn to scale."
-        if content["factor"] == 1.0
-        else (f"Displacements are drawn {content['factor']:g} times as large; the axes hold for the membrane at rest.")
-    )
-    marked = ", crosses faces that wrinkle or are slack." if content["marked"] else "."
-    note = f"{scale} Drag to turn; squares are zones, dots sensors{marked}"
+    scale = f"Displacements are drawn {content['factor']:g} times as large; the axes hold for the membrane at rest."
+    if content["factor"] == 1.0:
+        scale = "Drawn to scale."
+    note = f"{scale} Drag to turn; squares are zones, dots sensors"
+    note += ", crosses faces that wrinkle or are slack." if content["marked"] else "."
     if flat:
         note = "Deflections of the nodes (membrane.w) are not recorded, so it is drawn flat."
     text = "The membrane in three dimensions, with zones, sensors, wrinkles and damage marked; the tables hold the numbers."
@@ -171,10 +171,6 @@ def _colours(
     return colours
 
 
-def _deflection(run: Recorded, judged: DamageHistory) -> list[Chart]:
-    return [deflection_chart(run, tall=bool(judged.side))] if f"{run.membrane}.deflection" in run.data else []
-
-
 def deflection_chart(run: Recorded, *, tall: bool = False) -> Chart:
     """Draw the deflection of the membrane's centre over time and mark its largest."""
     name = f"{find(run.data, 'membrane')}.deflection"
@@ -183,10 +179,8 @@ def deflection_chart(run: Recorded, *, tall: bool = False) -> Chart:
     k = int(np.nanargmax(np.abs(line["y"]))) if np.isfinite(line["y"]).any() else 0
     traces = [line, points("largest", line["x"][[k]], line["y"][[k]], "@1", size=8)]
     result = f"largest {line['y'][k]:.4g} mm at t = {line['x'][k]:.4f} s"
-    layout = {"showlegend": False}
-    return over_time(
-        "Deflection of the membrane's centre", "deflection [mm]", traces, result=result, layout=layout, tall=tall
-    )
+    title, layout = "Deflection of the membrane's centre", {"showlegend": False}
+    return over_time(title, "deflection [mm]", traces, result=result, layout=layout, tall=tall)
 
 
 def _load(run: Recorded) -> list[Chart]:
@@ -216,20 +210,19 @@ _BASE = ("base_acceleration", *(f"base_acceleration[{k}]" for k in (1, 2, 3)))
 def _strain(run: Recorded, found: list[FaceStrains] | None) -> list[Chart]:
     """Draw the largest strain of the membrane, and how much of it wrinkles or is slack, over time."""
     charts, name, time = [], f"{run.membrane}.largest_strain", run.time[run.instants[0]]
+    title, y = "Largest strain of the membrane", "strain [%]"
     if name in run.data:
-        charts.append(over_time("Largest strain of the membrane", "strain [%]", [run.curve("largest", name, factor=100.0)]))
+        charts.append(over_time(title, y, [run.curve("largest", name, factor=100.0)]))
     elif found:
-        largest = np.array([100.0 * each.largest.max() for each in found])
-        note = "Of all faces, at the slider's instants."
-        charts.append(
-            over_time("Largest strain of the membrane", "strain [%]", [curve("largest", time, largest)], note=note)
-        )
+        largest = curve("largest", time, np.array([100.0 * each.largest.max() for each in found]))
+        charts.append(over_time(title, y, [largest], note="Of all faces, at the slider's instants."))
     if found:
-        shares = [np.array([100.0 * np.mean(each.mark >= mark) for each in found]) for mark in (TAUT + 1, SLACK)]
-        names = ("wrinkled or slack", "slack")
-        traces = [curve(text, time, each, f"@{k}") for k, (text, each) in enumerate(zip(names, shares, strict=True))]
+        traces = [
+            curve(name, time, np.array([100.0 * np.mean(each.mark >= mark) for each in found]), color)
+            for name, mark, color in (("wrinkled or slack", TAUT + 1, "@0"), ("slack", SLACK, "@1"))
+        ]
         layout = {"yaxis": {"rangemode": "tozero"}}
-        note = "None at any instant." if not shares[0].any() else "Of the faces, at the slider's instants."
+        note = "Of the faces, at the slider's instants." if traces[0]["y"].any() else "None at any instant."
         charts.append(over_time("Wrinkled and slack share of the membrane", "share [%]", traces, note=note, layout=layout))
     return charts
 

@@ -1,20 +1,27 @@
-"""The page of a run."""
+"""The page of a run: charts, and in words and tables how the run went, what each component was given, the judgements."""
 
 from __future__ import annotations
 
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from html import escape
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
 from gossamer_files.charts import Chart, section
 
 from ...errors import ResultsError
-from ...pages import PAGE, Page, folded, table, write_page
-from ...words import counted
+from ...pages import PAGE, Page, folded, on_page, table, write_page, written
+from ...words import counted, recorded
 from ..dataset import find_all
+from ..files import MESSAGES
+from ..judgements import Judgement
 from ..readers import curve_of
+from ..tables import onset_table, window_table
 from ..verdict import make_verdict
-from . import facts
 from .damage import DamageHistory, doubt_charts, history_charts, zone_charts
 from .membrane import membrane_charts
 from .recorded import Recorded, over_time
@@ -23,6 +30,8 @@ from .sensors import sensor_charts
 ASSETS = Path(__file__).with_name("assets")
 OTHERS = 24  # curves of what has no picture of its own
 DASHES = ("solid", "dash", "dot", "dashdot")
+SHOWN_WINDOWS = 60
+SHOWN_MESSAGES = 40
 
 
 def write_report(data: xr.Dataset, folder: Path) -> Path:
@@ -67,14 +76,14 @@ def run_page(data: xr.Dataset, folder: Path) -> Page:
     others, constant = _others(run)
     frames = run.time[run.instants[0]]
     parts = (
-        facts.run_table(data, len(run.time)),
-        facts.messages(folder),
-        facts.watch_tables(run.watch),
-        facts.judgement_tables(run.ended),
-        facts.components(data),
-        facts.connections(data),
+        _run_table(data, len(run.time)),
+        _messages(folder),
+        _watch_tables(run.watch),
+        _judgement_tables(run.ended),
+        _components(data),
+        _connections(data),
         _constants(data, constant),
-        facts.scenario(data),
+        _scenario(data),
     )
     return Page(
         title=str(data.attrs.get("title") or data.attrs.get("scenario_name") or "A run"),
@@ -117,11 +126,9 @@ def _others(run: Recorded) -> tuple[list[Chart], dict[str, float]]:
 
 def _constants(data: xr.Dataset, values: dict[str, float]) -> str:
     """Return a table of recorded variables that never changed."""
-    if not values:
-        return ""
     rows = [(name, f"{value:.9g}", data[name].attrs.get("units", "")) for name, value in values.items()]
     inner = table(("variable", "value", "unit"), rows, "Constant during the run")
-    return folded(f"Constant: {counted(len(values), 'recorded variable')}", inner)
+    return folded(f"Constant: {counted(len(values), 'recorded variable')}", inner) if values else ""
 
 
 def _thinning(run: Recorded) -> str:
@@ -133,3 +140,114 @@ def _thinning(run: Recorded) -> str:
         f"Of the {len(run.time)} recorded points, curves over time show the smallest and the largest of every "
         f"{run.pixels.stride} that follow each other, so that no peak is lost. {frames} All numbers are of all points."
     )
+
+
+def _run_table(data: xr.Dataset, rows_recorded: int) -> str:
+    """Return the table of what happened."""
+    known, time = data.attrs, data["time"]
+    scalars = sum(int(np.prod(variable.shape[1:])) for variable in data.data_vars.values())
+    versions = json.loads(known.get("versions", "{}"))
+    every, divided = int(known.get("record_every", 1)), int(known.get("divided_steps", 0))
+    some = f"; one in {every} is recorded" if every > 1 else ""
+    rows = [
+        ("Scenario", known.get("scenario_name", "not recorded")),
+        ("Time", f"{float(time[0]):.6g} s to {float(time[-1]):.6g} s"),
+        ("How it ended", known.get("ended", "not recorded")),
+        ("Step", f"{float(known['step']):.6g} s{some}" if "step" in known else ""),
+        ("Recorded", f"{counted(rows_recorded, 'instant')} of {recorded(len(data.data_vars), scalars)}"),
+        ("Wall time", f"{float(known['wall_time']):.3g} s" if "wall_time" in known else ""),
+        ("Divided steps", str(divided or "")),
+        ("Master", str(known.get("master", ""))),
+        ("Versions", ", ".join(f"{name} {number}" for name, number in versions.items())),
+    ]
+    if text := known.get("scenario"):
+        rows.append(("SHA-256 of the scenario", hashlib.sha256(str(text).encode()).hexdigest()))
+    return table((), [row for row in rows if row[1]], "The run")
+
+
+def _messages(folder: Path) -> str:
+    """Return the warnings of the run, if there were any."""
+    try:
+        texts = (folder / MESSAGES).read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError):
+        return ""
+    lines = "".join(f"<li>{written(text)}</li>" for text in texts[:SHOWN_MESSAGES])
+    more = f"<p>All {len(texts)} are in {MESSAGES}.</p>" if len(texts) > SHOWN_MESSAGES else ""
+    return f'<h3 id="messages">Messages of the run</h3><ul class="messages">{lines}</ul>{more}' if texts else ""
+
+
+def _components(data: xr.Dataset) -> str:
+    """Return a table of the components, and for each its parameters."""
+    fmus = json.loads(data.attrs.get("fmus", "{}"))
+    if not fmus:
+        return "<p>The results do not say which FMUs made them.</p>"
+    rows = [(name, each.get("file", ""), each.get("model", "")) for name, each in fmus.items()]
+    parts = [table(("component", "file", "model"), rows, "Components")]
+    for name, each in fmus.items():
+        start, values, units = (each.get(what, {}) for what in ("start", "parameters", "units"))
+        lines = [(v, f"{x:.9g}", units.get(v, ""), "scenario" if v in start else "FMU") for v, x in values.items()]
+        lines += [(v, str(x), units.get(v, ""), "scenario") for v, x in start.items() if v not in values]
+        caption = f"Parameters and start values of {name}"
+        inner = table(("name", "value", "unit", "set by"), lines, caption) if lines else ""
+        inner += f"<p>GUID of the FMU: <code>{escape(each.get('guid', 'not recorded'))}</code></p>"
+        parts.append(folded(f"{name}: {counted(len(lines), 'value')}", inner))
+    return "\n".join(parts)
+
+
+def _connections(data: xr.Dataset) -> str:
+    """Return a table of the connections, and of what they do to their signals."""
+    found = json.loads(data.attrs.get("connections", "[]"))
+    if not found:
+        return ""
+    rows = [(origin, target, _on_the_way(*change)) for origin, target, *change in found]
+    head = ("from", "to", "on the way") if any(words for *_, words in rows) else ("from", "to")
+    inner = table(head, [row[: len(head)] for row in rows], "Connections", row_heads=False)
+    return folded(counted(len(found), "connection"), inner)
+
+
+def _on_the_way(change: Mapping[str, Any] | None = None) -> str:
+    """Say what a connection does to its signal; nothing if it arrives as it is, or was not recorded."""
+    change = change or {}
+    words = [f"{what} {change[what]:.9g}" for what in ("gain", "bias") if what in change]
+    if noise := change.get("noise"):
+        size = "standard deviation" if noise["kind"] == "normal" else "half-width"
+        words.append(f"{noise['kind']} noise, {size} {noise['amplitude']:.9g}, seed {noise.get('seed', 0)}")
+    if dropout := change.get("dropout"):
+        then = "the last is held" if dropout.get("hold", True) else "zero arrives"
+        lost = f"{100 * dropout['probability']:.9g} % of the samples are lost"
+        words.append(f"{lost}, {then}, seed {dropout.get('seed', 0)}")
+    if change.get("delayed"):
+        words.append("arrives one step later")
+    return "; ".join(words)
+
+
+def _scenario(data: xr.Dataset) -> str:
+    """Return the scenario's text."""
+    text = data.attrs.get("scenario")
+    return folded("The scenario file", f"<pre>{escape(str(text))}</pre>") if text else ""
+
+
+def _watch_tables(watched: Mapping[str, Any] | None) -> str:
+    """Return a table of the damages that began while the twin watched the run, for each onset."""
+    found = [
+        onset_table(each["onset"], each["onset_deviation"], each["damage"], each["deviation"], each.get("zones", ()))
+        for each in (watched or {}).get("findings", [])
+    ]
+    return "\n".join(table(each.head, each.rows, f"{each.caption}, by the digital twin") for each in found)
+
+
+def _judgement_tables(ended: Sequence[Judgement]) -> str:
+    """Return the last valid judgement zone by zone, and the windows."""
+    if not ended:
+        return ""
+    known, certain = (bool(np.isfinite(x).all()) for x in (ended[-1].true, ended[-1].deviation))
+    parts = []
+    for last in [window for window in ended if window.valid][-1:]:
+        numbers = tuple(str(k + 1) for k in range(len(last.estimated)))
+        named = ["name"] * (last.labels != numbers)
+        head = ["zone", *named, *["true [%]"] * known, "estimated [%]", *["standard deviation [%]"] * certain]
+        columns = [[f"{100 * x:.1f}" for x in each] for each in (*[last.true] * known, last.estimated)]
+        columns += [[f"{100 * x:.2f}" for x in last.deviation]] * certain
+        rows = zip(numbers, *[last.labels] * len(named), *columns, strict=True)
+        parts.append(folded("Damage in numbers", table(head, rows, f"Damage of every zone at t = {last.time:.4f} s")))
+    return "\n".join([*parts, folded(counted(len(ended), "window"), on_page(window_table(ended, SHOWN_WINDOWS)))])

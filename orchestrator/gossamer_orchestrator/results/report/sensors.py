@@ -31,14 +31,10 @@ def sensor_charts(run: Recorded) -> list[Chart]:
     """Return the charts of all sensors, of which a reader of the page chooses one."""
     charts: list[Chart] = []
     for reader in readers_of(run.data):
-        run.drawn |= {name for name in (*(reader.true or ())[:1], reader.late, reader.resistance, reader.reading) if name}
-        run.drawn |= {name for name in (reader.deviation, f"{reader.compensator}.delay") if reader.late and name}
-        charts += [
-            *strain_charts(run, reader),
-            *_resistance(run, reader),
-            *loop_charts(run, reader),
-            *_spectrogram(run, reader),
-        ]
+        shown = [*(reader.true or ())[:1], reader.late, reader.resistance, reader.reading]
+        run.drawn |= {str(name) for name in [*shown, *[reader.deviation, f"{reader.compensator}.delay"] * bool(reader.late)]}
+        for make in (strain_charts, _resistance, loop_charts, _spectrogram):
+            charts += make(run, reader)
     return charts
 
 
@@ -67,14 +63,11 @@ def strain_charts(run: Recorded, reader: Reader) -> list[Chart]:
             " The band is two strain_deviation wide to each side: the error that the compensator expects of noise and "
             "drift. It does not cover a sensor that behaves otherwise than it was identified, nor spikes of its resistance."
         )
-    said = [name for name, there in (("True strain", reader.true), ("Compensated strain", reader.late)) if there]
+    said = ["True strain"] * bool(reader.true) + ["Compensated strain"] * bool(reader.late)
     result = f"sensor {reader.number}, {error.sentence}" if error and math.isfinite(error.rms) else ""
-    text = f"{' and '.join(said)} over time."
-    choice = reader.label
-    charts = [over_time("Strain", "strain [%]", traces, note=note, text=text, result=result, choice=choice, broad=True)]
-    if error:
-        charts.append(_error(run, error, choice))
-    return charts
+    more = {"note": note, "text": f"{' and '.join(said)} over time.", "result": result, "choice": reader.label}
+    charts = [over_time("Strain", "strain [%]", traces, broad=True, **more)]
+    return [*charts, _error(run, error, reader.label)] if error else charts
 
 
 def _edge(reader: Reader, sign: float) -> Curve:
@@ -114,8 +107,7 @@ def loop_charts(run: Recorded, reader: Reader) -> list[Chart]:
     loops, spectra, measured = [], [], curve_of(name)
     for k, (title, rows) in enumerate(_stretches(run)):
         resistance = measured(run.data.isel(time=rows))
-        strain = reader.later(read, rows, shift)
-        loops.append(curve(title, 100.0 * strain, resistance, f"@{k}", width=1.4))
+        loops.append(curve(title, 100.0 * reader.later(read, rows, shift), resistance, f"@{k}", width=1.4))
         if shape := spectrum(run.time[rows], resistance):
             spectra.append(curve(title, *shape, f"@{k}", width=1.1))
     text = "Loops of resistance against strain: hysteresis and drift."
@@ -194,8 +186,7 @@ def spectrogram(time: Array, values: Array) -> tuple[Array, Array, Array] | None
     hann = np.hanning(size)
     amplitudes = np.abs(np.fft.rfft(hann * (parts - parts.mean(axis=1, keepdims=True)))) * 2.0 / hann.sum()
     frequency = np.fft.rfftfreq(size, time[1] - time[0])[1:]
-    merged = -(-len(frequency) // LINES)
-    first = np.arange(0, len(frequency), merged)
+    first = np.arange(0, len(frequency), -(-len(frequency) // LINES))
     level = np.log10(np.maximum(np.maximum.reduceat(amplitudes[:, 1:], first, axis=1), FLOOR))
     return time[begins + size // 2], frequency[first], level.T
 
