@@ -78,10 +78,8 @@ def _count_or_auto(text: str) -> int | str:
 
 
 WITH_COMMAS = "as numbers. Write them with commas"
-ONE, COUNT = (
-    "as a number. Write one number such as 0.01, or auto.",
-    "as a count. Write a whole number such as 40, or auto.",
-)
+ONE = "as a number. Write one number such as 0.01, or auto."
+COUNT = "as a count. Write a whole number such as 40, or auto."
 AnyPath: TypeAlias = str | os.PathLike[str]
 File: TypeAlias = Annotated[AnyPath, Written("FILE")]
 Folder: TypeAlias = Annotated[AnyPath, Written("FOLDER")]
@@ -266,9 +264,9 @@ def check(wanted: Argument, value: Any) -> Any:  # noqa: ANN401
         msg = f"{name} is {value!r}. Give {noun}."
         raise ArgumentError(msg)
     bounds = (("at least", wanted.written.least, 1), ("at most", wanted.written.most, -1))
-    said = [f"{word} {bound:g}" for word, bound, _ in bounds if bound is not None]
     if any(bound is not None and sign * (value - bound) < 0 for _, bound, sign in bounds):
-        msg = f"{name} is {value!r}. Give {' and '.join(said)}."
+        allowed = " and ".join(f"{word} {bound:g}" for word, bound, _ in bounds if bound is not None)
+        msg = f"{name} is {value!r}. Give {allowed}."
         raise ArgumentError(msg)
     return kind(value)
 

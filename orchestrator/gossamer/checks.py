@@ -63,11 +63,8 @@ class Validation(Result):
         """Return the components, and the connections if there are some and not too many."""
         found, few = self.outline, 0 < len(self.outline.connections) <= MOST_CONNECTIONS
         components = ("component", "FMU", "FMI", "steps at every n-th point", "connected inputs")
-        connections = ("from", "unit", "to", "unit", "gain", "bias")
-        return [
-            _cells(components, found.components, "In stepping order"),
-            *[_cells(connections, found.connections, "Connections")] * few,
-        ]
+        tables = [_cells(components, found.components, "In stepping order")]
+        return tables + [_cells(("from", "unit", "to", "unit", "gain", "bias"), found.connections, "Connections")] * few
 
     def to_json(self) -> dict[str, Any]:
         """Return what the run would do."""

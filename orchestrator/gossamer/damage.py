@@ -72,9 +72,8 @@ class TwinAnswer(Saved):
 
     @property
     def _verdict(self) -> str:
-        found = self.answer
-        verdict = "valid" if found.valid else "NOT valid"
-        return f"{verdict}: chi2 per sample {found.chi2_per_sample:.3f}, bound {found.chi2_bound:.3f}"
+        chi2 = f"chi2 per sample {self.answer.chi2_per_sample:.3f}, bound {self.answer.chi2_bound:.3f}"
+        return f"{'NOT ' * (not self.answer.valid)}valid: {chi2}"
 
     @property
     def sentence(self) -> str:
@@ -85,8 +84,7 @@ class TwinAnswer(Saved):
         """Return whether the answer is valid, what else was fitted, and which part of the record was compared."""
         from .pages.twin import nuisance_cells
 
-        others = nuisance_cells(self.answer)
-        fitted = [f"{name}: {text}" for name, text in others if not name.startswith("pressure[")]
+        fitted = [f"{name}: {text}" for name, text in nuisance_cells(self.answer) if not name.startswith("pressure[")]
         return [self._verdict, *fitted, *[self.compared] * bool(self.compared)]
 
     def doubts(self) -> list[str]:
@@ -201,18 +199,17 @@ def twin(
     logger.info("%d samples of %s, %g s apart", found.record.samples, found.record.kind, found.record.step)
     with progress_bar("fitting") as bar:
         bar.update(text="compiling,")
-        given = found.twin(options["sensor"])
         measured = source.suffix == ".csv" and not of_a_run(header_of(source))
         wanted = options["setup"] is not None and measured if mesh_error is None else mesh_error
         errors = None
         if wanted and not found.structure.starts_in_plane:  # the error of the square is known
-            errors = MeshErrors(
-                found.structure,
-                found.parameters,
-                report=lambda what, done, total: bar.update(done, total, f"{done} of {total} {what},"),
-            )
+
+            def report(what: str, done: int, total: int) -> None:
+                bar.update(done, total, f"{done} of {total} {what},")
+
+            errors = MeshErrors(found.structure, found.parameters, report=report)
         fitting = Twin(
-            **given,
+            **found.twin(options["sensor"]),
             mesh_error=errors,
             healthy=before,
             nuisances=names_of(fit),

@@ -127,23 +127,15 @@ class Run(Result):
         from gossamer_orchestrator.results.tables import window_table, zone_table
 
         history = [window_table(self.judgements)] if len(self.judgements) > 1 else []
-        last = [each for each in self.judgements if each.valid][-1:]
-        return [*history, *map(zone_table, last)]
+        return [*history, *map(zone_table, [each for each in self.judgements if each.valid][-1:])]
 
     def to_json(self) -> dict[str, Any]:
         """Return what was judged."""
-        judgements = [
-            {
-                "time_s": window.time,
-                "valid": window.valid,
-                "damage": window.estimated,
-                "deviation": window.deviation,
-                "true_damage": window.true,
-                **({window.likeness: window.likeness_value} if window.likeness else {}),
-                **({} if isnan(window.risk) else {"risk": window.risk}),
-            }
-            for window in self.judgements
-        ]
+        judgements = []
+        for each in self.judgements:
+            told = {"time_s": each.time, "valid": each.valid, "damage": each.estimated, "deviation": each.deviation}
+            told |= {"true_damage": each.true} | ({each.likeness: each.likeness_value} if each.likeness else {})
+            judgements.append(told if isnan(each.risk) else told | {"risk": each.risk})
         return {
             "scenario": self.scenario,
             "ended": self.data.attrs["ended"],

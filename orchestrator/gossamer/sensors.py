@@ -94,8 +94,7 @@ class Identification(Saved):
         artifact = self.result.fit.artifact
         names = ["sensor", *["compensator"] * isinstance(artifact, SensorArtifact)]
         build = shlex.join(["gossamer", "build", *names, "--artifact", str(self), "--out", str(self.path.parent)])
-        can_build = isinstance(artifact, SensorArtifact) or artifact.can_step
-        told = [f"To build its FMUs, type '{build}'."] if can_build else []
+        told = [f"To build its FMUs, type '{build}'."] * (isinstance(artifact, SensorArtifact) or artifact.can_step)
         return [*told, *(f"Warning: {text}" for text in self._warnings), *super().hints()]
 
     def picture(self) -> bytes | None:

@@ -122,15 +122,13 @@ class Watching(Saved):
         import xarray as xr
 
         found, ratio, seconds = self.findings, {"units": "1"}, {"units": "s"}
-        by_zone = {name: np.array([getattr(each, name) for each in found]) for name in ("damage", "deviation")}
-        shape = (len(found), len(self.zones))
-        return xr.Dataset(
-            {"score": ("time", self.scores, ratio), "misfit": ("time", self.misfits, ratio)}
-            | {name: (("onset", "zone"), each.reshape(shape), ratio) for name, each in by_zone.items()}
-            | {"onset_deviation": ("onset", [each.onset_deviation for each in found], seconds)},
-            coords=zone_coordinates(self.zones)
-            | {"time": ("time", self.times, seconds), "onset": ("onset", [each.onset for each in found], seconds)},
-        )
+        values: dict[str, Any] = {"score": ("time", self.scores, ratio), "misfit": ("time", self.misfits, ratio)}
+        for name in ("damage", "deviation"):
+            table = np.array([getattr(each, name) for each in found]).reshape(len(found), len(self.zones))
+            values[name] = (("onset", "zone"), table, ratio)
+        values["onset_deviation"] = ("onset", [each.onset_deviation for each in found], seconds)
+        ends = {"time": ("time", self.times, seconds), "onset": ("onset", [each.onset for each in found], seconds)}
+        return xr.Dataset(values, zone_coordinates(self.zones) | ends)
 
     def exit_code(self) -> int:
         """Return the exit code."""
@@ -225,10 +223,8 @@ class LiveWatch:
 
         with expected_errors():
             time = self._recorder.time
-            data = make_dataset(
-                simulation.plan, time - self._forgotten, self._recorder.table, master=simulation.scenario.master
-            )
-            found = find_in_results(data)
+            table, master = self._recorder.table, simulation.scenario.master
+            found = find_in_results(make_dataset(simulation.plan, time - self._forgotten, table, master=master))
             assert self._window is not None  # since the run began
             samples = _samples(self._window, found)
             if self._twin is None or self._seen is None:
@@ -330,8 +326,7 @@ def _structure_of(plan: Plan) -> Structure | None:
     from gossamer_orchestrator.results.dataset import SETUP
 
     fmus = [component.fmu for component in plan.components if component.fmu.description.modelName == "membrane"]
-    carried = [text for fmu in fmus if (text := fmu.resource(SETUP)) is not None]
-    return read_structure(carried[0]) if carried else None
+    return next((read_structure(text) for fmu in fmus if (text := fmu.resource(SETUP)) is not None), None)
 
 
 def _samples(window: float, found: KnownRecord) -> int:
@@ -352,8 +347,7 @@ def _begin(found: KnownRecord, false_alarms: float, sensor: AnyPath | None = Non
     from gossamer_models.twin import Watch
 
     noise = np.nan_to_num(found.record.noise_deviation(), nan=1.0)
-    known = found.twin(sensor)
-    known["parameters"] = {**found.parameters, **found.record.start}
+    known = found.twin(sensor) | {"parameters": {**found.parameters, **found.record.start}}
     return Watch(noise, **known, step=found.record.step, false_alarms=false_alarms)
 
 

@@ -35,22 +35,21 @@ def campaign_page(name: str, data: xr.Dataset, summary: Summary) -> Page:
     campaign = json.loads(data.attrs["campaign"])
     sound = data.isel(case=np.flatnonzero(~data["failed"].to_numpy()))
     failed = f"{summary.failed} of {summary.cases} cases failed; their histories are not a number."
+    this_run = "All cases were there before this run."
+    if summary.simulated:
+        rate = summary.simulated / summary.seconds
+        this_run = f"This run simulated {summary.simulated} of them in {summary.seconds:.1f} s, {rate:.3g} cases a second."
+    steps, step, stop = round(campaign["stop"] / campaign["step"]), campaign["step"], campaign["stop"]
+    histories = f"Histories of {steps} samples, {step:g} s apart, until {stop:g} s."
     return Page(
         title=f"Campaign: {name}",
         kind="invalid" if summary.failed else "none",
         sentence=failed if summary.failed else f"All {summary.cases} cases are simulated.",
-        more=[_this_run(summary), _damage(campaign), *_varied(campaign, data), _histories(campaign)],
+        more=[this_run, _damage(campaign), _varied(campaign, data), histories],
         charts=[*section("What was drawn", [*_damage_charts(data), *_quantity_charts(data)]), *_history_charts(sound)],
         facts="\n".join((_failed_table(data), _about(data, campaign))),
         how="Histories are without gain and noise of the sensors, which the seed determines and the store does not hold.",
     )
-
-
-def _this_run(summary: Summary) -> str:
-    if not summary.simulated:
-        return "All cases were there before this run."
-    rate = summary.simulated / summary.seconds
-    return f"This run simulated {summary.simulated} of them in {summary.seconds:.1f} s, {rate:.3g} cases a second."
 
 
 def _damage(campaign: Mapping[str, Any]) -> str:
@@ -63,18 +62,13 @@ def _damage(campaign: Mapping[str, Any]) -> str:
     return f"{seed}. {fewest} to {most} zones lose {100.0 * low:g} to {100.0 * high:g} % of their stiffness{healthy}."
 
 
-def _varied(campaign: Mapping[str, Any], data: xr.Dataset) -> list[str]:
+def _varied(campaign: Mapping[str, Any], data: xr.Dataset) -> str:
     parts = []
     for name, vary in campaign["vary"].items():
         low, high = vary["range"] or vary["factor"]
         unit = data[name].attrs.get("units", "1") if name in data.data_vars else "1"
         parts.append(f"{name} from {low:g} to {high:g} {unit}" if vary["range"] else f"{name} times {low:g} to {high:g}")
-    return [f"Varied: {', '.join(parts)}."] if parts else ["Load, material and sensors are the same in all cases."]
-
-
-def _histories(campaign: Mapping[str, Any]) -> str:
-    steps = round(campaign["stop"] / campaign["step"])
-    return f"Histories of {steps} samples, {campaign['step']:g} s apart, until {campaign['stop']:g} s."
+    return f"Varied: {', '.join(parts)}." if parts else "Load, material and sensors are the same in all cases."
 
 
 def _damage_charts(data: xr.Dataset) -> list[Chart]:
@@ -168,10 +162,5 @@ def _about(data: xr.Dataset, campaign: Mapping[str, Any]) -> str:
     ]
     keys = [(name, value) for name, value in identity.items() if not name.startswith("model.")]
     models = [(name.removeprefix("model."), value) for name, value in identity.items() if name.startswith("model.")]
-    return "\n".join(
-        (
-            table((), rows, "The campaign"),
-            folded("All keys", table((), keys, "Keys of the campaign")),
-            folded("Models", table((), models, "Digests of the models")),
-        )
-    )
+    parts = (("All keys", keys, "Keys of the campaign"), ("Models", models, "Digests of the models"))
+    return table((), rows, "The campaign") + "".join(folded(name, table((), each, what)) for name, each, what in parts)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -89,6 +90,7 @@ def sweep_page(
     over = varied or ["case"]
     failed = [each for each in ended if not each.finished]
     count, done = len(ended), len(ended) - len(failed)
+    about = [("Scenario", name), ("Cases", count), ("Folder", folder), ("Gossamer", version("gossamer"))]
     return Page(
         title=f"Sweep of {name}",
         kind="invalid" if failed else "none",
@@ -98,7 +100,7 @@ def sweep_page(
             *section("Damage", _damage_charts(ended, over)),
             *([] if scalar is None else _scalar_charts(ended, over, scalar)),
         ],
-        facts=_case_table(ended, folder) + _about(name, ended, folder),
+        facts=_case_table(ended, folder) + table((), about, "The sweep"),
         how="Numbers are of all recorded points. Bars of estimates are one standard deviation long to each side.",
     )
 
@@ -131,17 +133,14 @@ def _judged(ended: Sequence[CaseEnd]) -> list[str]:
     found = [each.judgement for each in asked if each.judgement is not None]
     sentences = [f"{len(found)} of {len(asked)} finished cases end with a valid judgement of damage."]
     if found and np.isfinite([judgement.true for judgement in found]).all():
-        error, zero = 100.0 * _errors(found).mean(), 100.0 * float(np.mean([np.abs(j.true).mean() for j in found]))
+        error = 100.0 * float(np.mean([judgement.mean_absolute_error for judgement in found]))
+        zero = 100.0 * float(np.mean([np.abs(judgement.true).mean() for judgement in found]))
         sentences.append(
             f"Their mean absolute error over all zones is {error:.2f} % damage; the answer 'always 0' has {zero:.2f} %."
         )
         if 0.0 < zero <= error:
             sentences.append("The answer 'always 0' is as good here, so the detector tells nothing.")
     return sentences
-
-
-def _errors(found: Sequence[Judgement]) -> Array:
-    return np.array([judgement.mean_absolute_error for judgement in found])
 
 
 def _damage_charts(ended: Sequence[CaseEnd], over: Sequence[str]) -> list[Chart]:
@@ -169,7 +168,7 @@ def _damage_charts(ended: Sequence[CaseEnd], over: Sequence[str]) -> list[Chart]
             points("a zone of a case", true.ravel(), estimated.ravel(), "@0", bars),
         ]
         charts.append(Chart("Estimated over true damage", "true damage [%]", "estimated damage [%]", traces))
-        charts += _map(some, over, "Mean absolute error over all zones [% damage]", 100.0 * _errors(found))
+        charts += _map(some, over, "Mean absolute error over all zones [% damage]", np.abs(estimated - true).mean(axis=1))
     return charts
 
 
@@ -190,7 +189,7 @@ def _zones(x: NDArray[np.float64] | list[str], estimated: Array, deviation: Arra
 
 
 def _scalar_charts(ended: Sequence[CaseEnd], over: Sequence[str], scalar: xr.DataArray) -> list[Chart]:
-    """Draw a scalar over time, and its last value, largest size and RMS over what varies."""
+    """Draw a scalar over time, its difference to the first case, and its last value, largest size and RMS."""
     there, label = [each for each in ended if each.numbers], str(scalar.name)
     if not there:
         return []
@@ -204,28 +203,21 @@ def _scalar_charts(ended: Sequence[CaseEnd], over: Sequence[str], scalar: xr.Dat
     charts += _map(there, over, f"Last value of {label}", numbers["last"])
     chosen = dict.fromkeys(np.linspace(0, len(there) - 1, min(CURVES, len(there))).round().astype(int).tolist())
     some = [there[k] for k in chosen]
-    traces = [
-        curve(_label(each, over), *_history(scalar, each), f"@{k % 6}", dash="solid" if k < 6 else "dash")
-        for k, each in enumerate(some)
-    ]
+    first, *_ = some
+    begin, values = _history(scalar, first)
+    curves, apart = [], []
+    for k, each in enumerate(some):
+        time, own = _history(scalar, each)
+        look: dict[str, Any] = {"color": f"@{k % 6}", "dash": "solid" if k < 6 else "dash"}
+        curves.append(curve(_label(each, over), time, own, **look))
+        both = time <= begin[-1]
+        if each is not first and len(time) > 1:
+            apart.append(curve(_label(each, over), time[both], own[both] - np.interp(time[both], begin, values), **look))
     few = "" if len(some) == len(there) else f"{len(some)} of {len(there)} cases, evenly chosen by number."
-    charts.append(Chart("Over time", "time [s]", label, traces, note=few, broad=True))
-    return section(label, [*charts, *_differences(some, over, scalar)])
-
-
-def _differences(some: Sequence[CaseEnd], over: Sequence[str], scalar: xr.DataArray) -> list[Chart]:
-    """Draw what the curves of cases are over that of the first, which may hardly differ."""
-    first, *others = some
-    time, values = _history(scalar, first)
-    traces = []
-    for k, each in enumerate(others, start=1):
-        own, theirs = _history(scalar, each)
-        there = own <= time[-1]
-        if len(own) > 1:
-            less = theirs[there] - np.interp(own[there], time, values)
-            traces.append(curve(_label(each, over), own[there], less, f"@{k % 6}", dash="solid" if k < 6 else "dash"))
-    title = f"Difference to case {first.case.number}"
-    return [Chart(title, "time [s]", str(scalar.name), traces, broad=True)] if traces else []
+    charts.append(Chart("Over time", "time [s]", label, curves, note=few, broad=True))
+    if apart:  # the curves may hardly differ
+        charts.append(Chart(f"Difference to case {first.case.number}", "time [s]", label, apart, broad=True))
+    return section(label, charts)
 
 
 def _values(ended: Sequence[CaseEnd], name: str) -> NDArray[np.float64] | list[str]:
@@ -260,9 +252,8 @@ def _map(ended: Sequence[CaseEnd], over: Sequence[str], title: str, values: Arra
     (x, column), (y, row) = (np.unique(np.asarray(_values(ended, name)), return_inverse=True) for name in over)
     z = np.full((len(y), len(x)), np.nan)
     z[row, column] = values
-    names = {"type": "category"}  # a cell for each case
     cells = heat([*map(_text, x.tolist())], [*map(_text, y.tolist())], z, "")
-    layout = {"xaxis": names, "yaxis": names}
+    layout = {key: {"type": "category"} for key in ("xaxis", "yaxis")}  # a cell for each case
     return [Chart(title, over[0], over[1], [cells], layout=layout)]
 
 
@@ -278,8 +269,7 @@ def _case_table(ended: Sequence[CaseEnd], folder: Path) -> str:
         "<p>The cases were run without pictures. 'gossamer report' of the folder of a case writes its page; the same sweep, "
         "run again, links it here. The last values of all scalars are in cases.csv.</p>"
     )
-    head = ("case", *ended[0].case.values, "most damaged zone", "ended", "folder")
-    return table(head, rows, some) + advice
+    return table(("case", *ended[0].case.values, "most damaged zone", "ended", "folder"), rows, some) + advice
 
 
 def _most_damaged(ended: CaseEnd) -> str:
@@ -289,11 +279,6 @@ def _most_damaged(ended: CaseEnd) -> str:
     z = int(np.argmax(j.estimated))
     bar = f" ± {100.0 * j.deviation[z]:.1f}" if np.isfinite(j.deviation[z]) else ""
     return f"zone {z + 1}: {100.0 * j.estimated[z]:.1f}{bar} %" if j.estimated[z] >= LEAST_SHOWN else "none"
-
-
-def _about(name: str, ended: Sequence[CaseEnd], folder: Path) -> str:
-    rows = [("Scenario", name), ("Cases", len(ended)), ("Folder", folder), ("Gossamer", version("gossamer"))]
-    return table((), rows, "The sweep")
 
 
 def read_cases(
@@ -307,7 +292,8 @@ def read_cases(
         if data is not None and case.number in recorded:
             own = data.sel(case=case.number).dropna("time", how="all")  # where another case has more
             numbers = {} if scalar is None else _numbers(_history(scalar, found)[1])
-            found = replace(found, data=own, judgement=_last_valid(own), numbers=numbers)
+            last = next((window for window in reversed(windows_of(own)) if window.valid), None)
+            found = replace(found, data=own, judgement=last, numbers=numbers)
         ended.append(found)
     return ended
 
@@ -345,7 +331,3 @@ def _numbers(values: Array) -> dict[str, float]:
     if not known.size:
         return {}
     return {"last": float(known[-1]), "largest": float(np.abs(known).max()), "RMS": float(np.sqrt(np.mean(known**2)))}
-
-
-def _last_valid(data: xr.Dataset) -> Judgement | None:
-    return next((window for window in reversed(windows_of(data)) if window.valid), None)

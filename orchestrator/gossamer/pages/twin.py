@@ -84,29 +84,24 @@ def zone_cells(answer: Answer, *, shown: bool) -> TableText:
         f"with {', '.join(labels[other] for other in others)}" if others else "cannot tell" * (k + 1 in answer.unresolved)
         for k, others in enumerate(answer.together_with)
     ]
+    said = [(_damage_text(answer, k), f"{P:.3f}") if shown else ("withheld", "") for k, P in enumerate(answer.probability)]
     rows = [
-        (
-            label,
-            _damage_text(answer, k) if shown else "withheld",
-            f"{answer.probability[k]:.3f}" if shown else "",
-            *([remarks[k]] if any(remarks) else []),
-        )
-        for k, label in enumerate(labels.values())
+        (label, *cells, *[remark] * any(remarks))
+        for label, cells, remark in zip(labels.values(), said, remarks, strict=True)
     ]
-    more = ["remark"] if any(remarks) else []
-    return TableText(("zone", "damage [%]", "P(damaged)", *more), rows, "Digital twin")
+    return TableText(("zone", "damage [%]", "P(damaged)", *["remark"] * any(remarks)), rows, "Digital twin")
 
 
 def nuisance_cells(answer: Answer) -> list[tuple[str, str]]:
     """Return name and value with its standard deviation of what was fitted beside damage, and how far sensors are off."""
-    off = enumerate(zip(answer.sensor_errors, answer.sensor_offsets, strict=True), 1)
-    return [
-        (name, uncertain(*given, NUISANCE_UNITS.get(name.partition("[")[0], ""))) for name, given in answer.nuisances.items()
-    ] + [
-        (f"sensor {k} off its model", f"{100.0 * error:.2g} % of its range, beside an offset of {100.0 * offset:.2g} %")
-        for k, (error, offset) in off
-        if error is not None and offset is not None
+    cells = [
+        (name, uncertain(*each, NUISANCE_UNITS.get(name.partition("[")[0], ""))) for name, each in answer.nuisances.items()
     ]
+    for k, (error, offset) in enumerate(zip(answer.sensor_errors, answer.sensor_offsets, strict=True), 1):
+        if error is not None and offset is not None:
+            off = f"{100.0 * error:.2g} % of its range, beside an offset of {100.0 * offset:.2g} %"
+            cells.append((f"sensor {k} off its model", off))
+    return cells
 
 
 def damage_chart(names: Sequence[str], damage: Vector, deviation: Vector, bounds: Matrix | None = None) -> Chart:
