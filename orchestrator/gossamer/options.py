@@ -5,22 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypedDict
 
-from .arguments import (
-    GROUPS,
-    AnyPath,
-    CallLimit,
-    Count,
-    CountOrAuto,
-    CountOrNone,
-    File,
-    Name,
-    NotNegative,
-    NumberOrAuto,
-    Numbers,
-    Values,
-    Written,
-    assigned,
-)
+from . import arguments as kinds
 
 
 class ScenarioOptions(TypedDict, total=False):
@@ -36,7 +21,7 @@ class ScenarioOptions(TypedDict, total=False):
         Last time [s] in place of the file's.
     """
 
-    fmus: Annotated[AnyPath, Written("FOLDER", default="out/fmus")]
+    fmus: Annotated[kinds.AnyPath, kinds.Written("FOLDER", default="out/fmus")]
     step: float | None
     stop: float | None
 
@@ -58,9 +43,9 @@ class ChangeOptions(TypedDict, total=False):
         the tolerance of the step control.
     """
 
-    set: Values | None
+    set: kinds.Values | None
     master: Literal["gauss-seidel", "jacobi"] | None
-    limit: CallLimit | None
+    limit: kinds.CallLimit | None
     strict: bool
 
 
@@ -94,13 +79,13 @@ class TwinOptions(TypedDict, total=False):
     """
 
     kind: Literal["strain", "resistance"] | None
-    noise: NotNegative | None
-    setup: File | None
+    noise: kinds.NotNegative | None
+    setup: kinds.File | None
     begins: Literal["rest", "equilibrium"] | None
-    set: Values | None
-    sensor: File | None
-    elements_per_side: Annotated[int, Written("N", default=4)]
-    order: Annotated[int, Written("N", default=4)]
+    set: kinds.Values | None
+    sensor: kinds.File | None
+    elements_per_side: Annotated[int, kinds.Written("N", default=4)]
+    order: Annotated[int, kinds.Written("N", default=4)]
 
 
 class PlanOptions(TypedDict, total=False):
@@ -124,12 +109,12 @@ class PlanOptions(TypedDict, total=False):
         Standard deviation of a sample of strain [1], in place of the campaign's; 1e-4 of a setup.
     """
 
-    setup: File | None
-    mesh: File | None
-    set: Values | None
-    load: File | None
-    cases: Count | None
-    noise: NotNegative | None
+    setup: kinds.File | None
+    mesh: kinds.File | None
+    set: kinds.Values | None
+    load: kinds.File | None
+    cases: kinds.Count | None
+    noise: kinds.NotNegative | None
 
 
 class ColumnOptions(TypedDict, total=False):
@@ -155,9 +140,9 @@ class ColumnOptions(TypedDict, total=False):
         Sort samples by time instead of refusing them.
     """
 
-    time: Name | None
-    strain: Name | None
-    resistance: Name | None
+    time: kinds.Name | None
+    strain: kinds.Name | None
+    resistance: kinds.Name | None
     time_unit: str | None
     strain_unit: str | None
     resistance_unit: str | None
@@ -198,16 +183,16 @@ class PreisachOptions(TypedDict, total=False):
         given.
     """
 
-    modes: Count | None
+    modes: kinds.Count | None
     knots: int | None
-    relaxations: CountOrNone | None
-    tau: Numbers | None
-    exponents: Numbers | None
-    extension: Name | None
-    ridge: NumberOrAuto | None
+    relaxations: kinds.CountOrNone | None
+    tau: kinds.Numbers | None
+    exponents: kinds.Numbers | None
+    extension: kinds.Name | None
+    ridge: kinds.NumberOrAuto | None
     earlier: bool
     direct_inverse: bool
-    residual: CountOrAuto | None
+    residual: kinds.CountOrAuto | None
     least_slope: float | None
 
 
@@ -222,8 +207,8 @@ class FractionalOptions(TypedDict, total=False):
         Of fractional-model-1: fading integrals. 3 if not given.
     """
 
-    terms: Count | None
-    fading: CountOrNone | None
+    terms: kinds.Count | None
+    fading: kinds.CountOrNone | None
 
 
 class CommonOptions(TypedDict, total=False):
@@ -237,20 +222,20 @@ class CommonOptions(TypedDict, total=False):
         Seed of the starts. 0 if not given.
     """
 
-    starts: Count | None
-    seed: CountOrNone | None
+    starts: kinds.Count | None
+    seed: kinds.CountOrNone | None
 
 
 class FitOptions(ColumnOptions, CommonOptions, PreisachOptions, FractionalOptions):
     """Columns of the records, and options of the models."""
 
 
-GROUPS[RunOptions] = (ScenarioOptions, ChangeOptions)
-GROUPS[FitOptions] = (CommonOptions, ColumnOptions, PreisachOptions, FractionalOptions)
+kinds.GROUPS[RunOptions] = (ScenarioOptions, ChangeOptions)
+kinds.GROUPS[FitOptions] = (CommonOptions, ColumnOptions, PreisachOptions, FractionalOptions)
 
 
-def as_settings(fmus: AnyPath, set: Values | None, **others: Any) -> dict[str, Any]:  # noqa: ANN401
+def as_settings(fmus: kinds.AnyPath, set: kinds.Values | None, **others: Any) -> dict[str, Any]:  # noqa: ANN401
     """Return the options of a run as ``run_scenario`` takes them."""
     from gossamer_orchestrator.scenario.values import read_changes
 
-    return others | {"fmus": Path(fmus), "values": read_changes(assigned(set))}
+    return others | {"fmus": Path(fmus), "values": read_changes(kinds.assigned(set))}

@@ -124,7 +124,7 @@ class Run(Result):
 
     def tables(self) -> list[TableText | Table]:
         """Return all judgements, and the last one that is valid by zone."""
-        from gossamer_orchestrator.results.tables import window_table, zone_table
+        from gossamer_orchestrator.results.judgements import window_table, zone_table
 
         history = [window_table(self.judgements)] if len(self.judgements) > 1 else []
         return [*history, *map(zone_table, [each for each in self.judgements if each.valid][-1:])]

@@ -177,7 +177,7 @@ class Watching(Saved):
 
 def _table(finding: DamageOnset) -> TableText:
     """Return a table of the damaged zones."""
-    from gossamer_orchestrator.results.tables import onset_table
+    from gossamer_orchestrator.results.judgements import onset_table
 
     damage, deviation = finding.damage.tolist(), finding.deviation.tolist()
     return onset_table(finding.onset, finding.onset_deviation, damage, deviation, finding.zones)

@@ -13,8 +13,7 @@ import xarray as xr
 from gossamer_files.charts import Array, Chart, Trace, curve, heat, points, section
 from gossamer_orchestrator.pages import PAGE, Page, link, table
 from gossamer_orchestrator.results.dataset import find_all
-from gossamer_orchestrator.results.judgements import Judgement, windows_of
-from gossamer_orchestrator.results.tables import LEAST_SHOWN
+from gossamer_orchestrator.results.judgements import LEAST_SHOWN, Judgement, windows_of
 from gossamer_orchestrator.run.sweep import Case, is_finished
 from numpy.typing import NDArray
 

@@ -9,26 +9,33 @@ from __future__ import annotations
 import base64
 import gzip
 import json
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
+from html import escape
 from importlib.util import find_spec
 from pathlib import Path
 from string import Template
 from typing import Any, Literal
+from urllib.parse import quote
 
 import numpy as np
 from gossamer_files import as_json, replacing
 from gossamer_files.charts import Chart
+from gossamer_files.tables import TableText
 
 from ..errors import ResultsError, writing
-from .tables import unbroken, written
 
 PAGE = "report.html"
 ASSETS = Path(__file__).with_name("assets")
 SHARED = ("unpack.js", "figures.js", "charts.js", "access.js")
 
 Kind = Literal["damage", "healthy", "invalid", "none"]
+NO_BREAK = "\N{NO-BREAK SPACE}"
+UNITS = ("%", "s", "ms", "h", "min", "Hz", "kHz", "Pa", "kPa", "GPa", "ohm", "m", "mm", "kg", "N", "rad", "MB", "GB")
+_BEFORE_UNIT = re.compile(rf"(?<=\d) (?=(?:{'|'.join(UNITS)})(?!\w))")
+_AROUND_SIGN = re.compile(r"(?<=\d) ± (?=\d)|(?<=±) (?=\d)|(?<=\bt) = (?=\d)")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -163,3 +170,51 @@ class _Arrays:
             return value.item()
         msg = f"{type(value)} cannot stand on a page"
         raise TypeError(msg)
+
+
+def unbroken(words: str) -> str:
+    """Return words in which no line ends between a number and its unit, its deviation or its ``t =``."""
+    joined = _BEFORE_UNIT.sub(NO_BREAK, words)
+    return _AROUND_SIGN.sub(lambda found: found[0].replace(" ", NO_BREAK), joined)
+
+
+def written(words: object) -> str:
+    """Return words as HTML."""
+    return escape(unbroken(str(words)))
+
+
+class Html(str):
+    """A cell of a table that is HTML already."""
+
+    __slots__ = ()
+
+
+def link(text: str, target: str) -> Html:
+    """Return a link to an address, for instance to a file relative to the page."""
+    return Html(f'<a href="{escape(quote(target))}">{escape(text)}</a>')
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[object]], caption: str, *, row_heads: bool = True) -> str:
+    """Return a table in HTML; the first cell of each row is its heading."""
+    lines = [f"<table><caption>{written(caption)}</caption>"]
+    if head:
+        lines.append("<thead><tr>" + "".join(f'<th scope="col">{written(text)}</th>' for text in head) + "</tr></thead>")
+    lines.append("<tbody>")
+    for first, *rest in rows:
+        begin = f'<th scope="row">{_cell(first)}</th>' if row_heads else f"<td>{_cell(first)}</td>"
+        lines.append(f"<tr>{begin}" + "".join(f"<td>{_cell(cell)}</td>" for cell in rest) + "</tr>")
+    return '<div class="wide">' + "\n".join(lines) + "</tbody></table></div>"
+
+
+def on_page(shown: TableText) -> str:
+    """Return a table in HTML as it is printed; nothing without rows."""
+    return table(shown.head, shown.rows, shown.caption, row_heads=False) if shown.rows else ""
+
+
+def folded(summary: str, inner: str) -> str:
+    """Return HTML that its reader unfolds."""
+    return f"<details><summary>{written(summary)}</summary>{inner}</details>"
+
+
+def _cell(value: object) -> str:
+    return value if isinstance(value, Html) else written(value)

@@ -17,9 +17,8 @@ from ..pages.page import Kind
 from ..words import counted, percent, uncertain
 from .dataset import find_all, origins_of, parameters_of, zone_label
 from .files import is_explained
-from .judgements import Judgement, doubts, recorded_detector
+from .judgements import LEAST_SHOWN, Judgement, doubts, recorded_detector
 from .readers import LEAST_RANGE, Reader, curve_of, readers_of
-from .tables import LEAST_SHOWN
 
 LEAST_CLEAR = 0.05  # damage of a zone that counts as found, by a detector that states no deviation
 MOST_NAMED = 4  # zones

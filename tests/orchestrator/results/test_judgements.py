@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 from gossamer.results import print_tables
 from gossamer_orchestrator import ResultsError, judge
-from gossamer_orchestrator.results.judgements import doubts, windows
+from gossamer_orchestrator.results.judgements import doubts, window_table, windows, zone_table
 from gossamer_orchestrator.results.report.page import run_page
-from gossamer_orchestrator.results.tables import window_table, zone_table
 from gossamer_orchestrator.results.verdict import make_verdict, sensor_doubts
 from gossamer_orchestrator.words import percent, uncertain
 from rich.console import Console

@@ -11,12 +11,11 @@ import pytest
 import xarray as xr
 from gossamer_files.plots import draw
 from gossamer_orchestrator import judge
-from gossamer_orchestrator.results.readers import readers_of
+from gossamer_orchestrator.results.readers import Recorded, readers_of
 from gossamer_orchestrator.results.report import save_pictures
 from gossamer_orchestrator.results.report.damage import DamageHistory, history_charts, zone_charts
 from gossamer_orchestrator.results.report.membrane import deflection_chart, deflection_map
 from gossamer_orchestrator.results.report.pictures import PICTURES
-from gossamer_orchestrator.results.report.recorded import Recorded
 from gossamer_orchestrator.results.report.sensors import loop_charts, strain_charts
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure

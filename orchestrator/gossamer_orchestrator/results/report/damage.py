@@ -18,7 +18,7 @@ from gossamer_files.plots import Panels
 from ...errors import ResultsError
 from ..dataset import find, find_all, need, parameters_of, zone_labels
 from ..judgements import LARGEST_MISFIT, LARGEST_RISK, LEAST_SIMILARITY, MOST_WINDOWS, changes, doubts, judge, true_damage
-from .recorded import Recorded, over_time
+from ..readers import Recorded, over_time
 
 MOST_MARKERS = 300  # more would be a line, and slow
 COLORED = 6  # zones

@@ -18,9 +18,9 @@ from ...errors import ResultsError
 from ...fmi.shape import Integers, Surface
 from ..dataset import find, is_whole, need, origins_of, parameters_of, zone_labels
 from ..places import side
+from ..readers import Recorded, over_time
 from ..shapes import SLACK, TAUT, FaceStrains, ShapeHistory, face_strains
 from .damage import DamageHistory
-from .recorded import Recorded, over_time
 
 SENSORS = ((1, 1), (2, 1), (1, 2), (2, 2))  # places of the sensors of a square in thirds of its side, as it numbers them
 

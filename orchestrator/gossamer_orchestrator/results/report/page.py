@@ -18,13 +18,11 @@ from ...pages import PAGE, Page, folded, on_page, table, write_page, written
 from ...words import counted, recorded
 from ..dataset import find_all
 from ..files import MESSAGES
-from ..judgements import Judgement
-from ..readers import curve_of
-from ..tables import onset_table, window_table
+from ..judgements import Judgement, onset_table, window_table
+from ..readers import Recorded, curve_of, over_time
 from ..verdict import make_verdict
 from .damage import DamageHistory, doubt_charts, history_charts, zone_charts
 from .membrane import membrane_charts
-from .recorded import Recorded, over_time
 from .sensors import sensor_charts
 
 ASSETS = Path(__file__).with_name("assets")

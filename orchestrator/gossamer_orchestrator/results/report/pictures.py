@@ -15,9 +15,9 @@ from gossamer_files.pictures import picture
 from gossamer_files.plots import Panels, draw_panels
 
 from ...errors import OrchestratorError, ResultsError, writing
+from ..readers import Recorded
 from ..shapes import ShapeHistory
 from . import damage, membrane, sensors
-from .recorded import Recorded
 
 logger = logging.getLogger(__name__)
 

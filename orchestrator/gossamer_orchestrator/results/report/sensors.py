@@ -18,8 +18,7 @@ from gossamer_files.plots import Panels
 from ...errors import ResultsError
 from ...words import duration
 from ..dataset import compensators, find, need, sensors
-from ..readers import Curve, Reader, StrainError, curve_of, readers_of
-from .recorded import Recorded, over_time
+from ..readers import Curve, Reader, Recorded, StrainError, curve_of, over_time, readers_of
 
 LOOP_ROWS = 2000  # of a loop of resistance over strain
 LEAST = 64  # samples of a spectrum
