@@ -14,7 +14,7 @@ from gossamer_files.charts import Chart
 from gossamer_files.thinning import Pixels
 from gossamer_orchestrator import ResultsError
 from gossamer_orchestrator.pages import Page, write_page
-from gossamer_orchestrator.pages.tables import unbroken
+from gossamer_orchestrator.pages.page import unbroken
 from gossamer_orchestrator.results.files import save_results
 from gossamer_orchestrator.results.judgements import windows
 from gossamer_orchestrator.results.readers import StrainError
