@@ -7,8 +7,6 @@ output, then the direct inverse and the compensator by the strain they recover. 
 training stretch.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -109,11 +107,6 @@ def calibrated(tracking: Tracking, errors: Vector, stated: Vector) -> Tracking:
     scatter = np.maximum(stated**2 - tracking.floor**2, 1e-12) / tracking.factor**2
     factor = float(np.sqrt((1.0 - SHARED) * squares / np.mean(scatter)))
     return replace(tracking, factor=factor, floor=float(np.sqrt(SHARED * squares)))
-
-
-def held_errors(errors: Sequence[Vector], rows: Sequence[Rows]) -> list[Vector]:
-    """Return the errors on some samples of every record."""
-    return [e[held] for e, held in zip(errors, rows, strict=True) if held.any()]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -248,12 +241,12 @@ def _numbers(fit: PreisachFit, train: tuple[Rows, ...], late: tuple[Rows, ...]) 
     step = float(np.median(np.concatenate([np.diff(r.time) for r in records])))
     output = [(r.resistance - p) / fit.resistance_change for r, p in zip(records, fit.alone, strict=True)]
     strain = [(r.strain - recover_by_fit(fit, r, "inverse").strain) / full_scale for r in records]
-    seen = [(r.time[rows], r.strain[rows] / full_scale) for r, rows in zip(records, train, strict=True)]
-    return Tracking(
-        output=error_model(held_errors(output, late), step),
-        inverse=error_model(held_errors(strain, late), step),
-        **motion([t for t, _ in seen], [s for _, s in seen], step),
+    times = [r.time[rows] for r, rows in zip(records, train, strict=True)]
+    strains = [r.strain[rows] / full_scale for r, rows in zip(records, train, strict=True)]
+    of_output, of_inverse = (
+        error_model([e[held] for e, held in zip(each, late, strict=True)], step) for each in (output, strain)
     )
+    return Tracking(output=of_output, inverse=of_inverse, **motion(times, strains, step))
 
 
 @dataclass(frozen=True, kw_only=True)

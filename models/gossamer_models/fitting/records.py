@@ -344,14 +344,11 @@ def in_equal_steps(record: Record, train: Rows) -> tuple[Record, Rows]:
 
 def forward_cuts(train: tuple[Rows, ...]) -> Iterator[tuple[tuple[Rows, ...], tuple[Rows, ...]]]:
     """Cut the training samples of every record in time order; return what to fit and what to predict."""
+    parts = [np.array_split(np.flatnonzero(rows), PARTS) for rows in train]
+
+    def some(which: slice) -> tuple[Rows, ...]:
+        places = [np.concatenate(ends[which]) for ends in parts]
+        return tuple(np.isin(np.arange(rows.size), each) for rows, each in zip(train, places, strict=True))
+
     for k in range(PARTS // 2, PARTS):
-        pairs = [_cut(rows, k) for rows in train]
-        yield tuple(fit for fit, _ in pairs), tuple(held for _, held in pairs)
-
-
-def _cut(rows: Rows, k: int) -> tuple[Rows, Rows]:
-    ends = np.array_split(np.flatnonzero(rows), PARTS)
-    fitted, held = np.zeros_like(rows), np.zeros_like(rows)
-    fitted[np.concatenate(ends[:k])] = True
-    held[ends[k]] = True
-    return fitted, held
+        yield some(slice(k)), some(slice(k, k + 1))

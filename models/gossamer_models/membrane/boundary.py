@@ -1,7 +1,5 @@
 """How supports hold and move the nodes of a mesh, whether that is enough, and what dead loads pull at them."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 
@@ -108,28 +106,20 @@ def members_of(mesh: SurfaceMesh, groups: tuple[str, ...]) -> NDArray[np.bool_]:
     return found
 
 
-def edge_force(setup: Setup, mesh: SurfaceMesh, measured: list[Geometry]) -> Vector:
-    """Return the nodal forces of tension along edges, by the Lobatto rule of their order."""
-    force, normals = np.zeros((len(mesh.nodes), 3)), np.zeros((len(mesh.nodes), 3))
-    inward = _inward(mesh) if setup.edges else {}
-    for block, found in zip(mesh.blocks, measured, strict=True):
-        np.add.at(normals, block.elements, found.node_normals)
+def edge_force(setup: Setup, mesh: SurfaceMesh, normals: Vector) -> Vector:
+    """Return the nodal forces of tension along edges, by the Lobatto rule of their order; normals are unit vectors."""
+    force = np.zeros((len(mesh.nodes), 3))
+    middles = np.concatenate([mesh.nodes[block.elements].mean(axis=1) for block in mesh.blocks])
+    beside = {side: middles[face] for face, side in sides_of(mesh)} if setup.edges else {}  # by the corners of the side
     for edge in setup.edges:
         for side in mesh.sides[edge.group]:
             nodes, weights = lobatto_points(len(side))
             along = derivative_matrix(nodes, nodes) @ mesh.nodes[side]
-            n = normals[side] / np.linalg.norm(normals[side], axis=1, keepdims=True)
-            outward = np.cross(along, n)  # its length is that of the side
-            middle = mesh.nodes[side].mean(axis=0) - inward[frozenset((int(side[0]), int(side[-1])))]
+            outward = np.cross(along, normals[side])  # its length is that of the side
+            middle = mesh.nodes[side].mean(axis=0) - beside[frozenset((int(side[0]), int(side[-1])))]
             outward *= np.sign(np.sum(outward * middle, axis=1, keepdims=True))
             np.add.at(force, side, edge.tension * weights[:, None] * outward)
     return force.ravel()
-
-
-def _inward(mesh: SurfaceMesh) -> dict[frozenset[int], Vector]:
-    """Return the middle of an element beside each side, by the corners of the side."""
-    middles = np.concatenate([mesh.nodes[block.elements].mean(axis=1) for block in mesh.blocks])
-    return {side: middles[face] for face, side in sides_of(mesh)}
 
 
 def unit_force(load: Load, mesh: SurfaceMesh, measured: list[Geometry]) -> Vector:

@@ -14,8 +14,6 @@ column per element. So the same lines serve one element (SX) and, at a fraction 
 elements of a mesh at once (MX). CasADi leaves out multiplications by one and zero and additions of zero.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
@@ -101,7 +99,7 @@ def make_element(order: int, law: str = "st_venant_kirchhoff") -> Element:
     order : int
         1: four nodes and the 2 x 2 Gauss rule, the membrane element of finite element programs. 2 and more: Lagrange shape
         functions through Gauss-Lobatto-Legendre nodes, which are the quadrature points too [1]_, so that the mass matrix
-        is diagonal without lumping. 0: the triangle of three nodes and constant strain.
+        is diagonal without lumping. 0: the triangle of constant strain with the corners (0, 0), (1, 0), (0, 1).
     law : str
         Law of the material, one of ``law.LAWS``.
 
@@ -114,22 +112,17 @@ def make_element(order: int, law: str = "st_venant_kirchhoff") -> Element:
     .. [1] D. Komatitsch, J. Tromp, Geophysical Journal International 139(3), 806-822, 1999,
        doi:10.1046/j.1365-246x.1999.00967.x.
     """
-    if order == 0:
-        return _triangle(law)
-    nodes, weights = lobatto_points(order + 1)
-    points, weights = gauss_points(2) if order == 1 else (nodes, weights)
-    value, slope = value_matrix(nodes, points), derivative_matrix(nodes, points)
-    grid = np.column_stack([np.tile(nodes, order + 1), np.repeat(nodes, order + 1)])
-    N, D_s, D_t = _operator(value, value), _operator(slope, value), _operator(value, slope)
-    return Element(order, grid, N, D_s, D_t, np.outer(weights, weights).ravel(), 1.0, _UNIT, LAWS[law].stress)
-
-
-def _triangle(law: str) -> Element:
-    """Make the triangle with the corners (0, 0), (1, 0), (0, 1) and one point in its middle."""
-    third = ca.DM.ones(1, 3) / 3.0
-    slopes = [ca.DM([[-1.0, 1.0, 0.0]]), ca.DM([[-1.0, 0.0, 1.0]])]
-    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-    return Element(0, corners, (third,), (slopes[0],), (slopes[1],), np.array([0.5]), 1.0, _UNIT, LAWS[law].stress)
+    if order == 0:  # one point, in the middle
+        grid, w = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), np.array([0.5])
+        N, D_s, D_t = (ca.DM.ones(1, 3) / 3.0,), (ca.DM([[-1.0, 1.0, 0.0]]),), (ca.DM([[-1.0, 0.0, 1.0]]),)
+    else:
+        nodes, weights = lobatto_points(order + 1)
+        points, weights = gauss_points(2) if order == 1 else (nodes, weights)
+        value, slope = value_matrix(nodes, points), derivative_matrix(nodes, points)
+        grid = np.column_stack([np.tile(nodes, order + 1), np.repeat(nodes, order + 1)])
+        N, D_s, D_t = _operator(value, value), _operator(slope, value), _operator(value, slope)
+        w = np.outer(weights, weights).ravel()
+    return Element(order, grid, N, D_s, D_t, w, 1.0, _UNIT, LAWS[law].stress)
 
 
 def by_axis(rows: Entry) -> Matrix:
@@ -284,4 +277,4 @@ def derivative_matrix(nodes: Vector, points: Vector) -> Vector:
 def sum_at(places: NDArray[np.int64], values: ca.MX, size: int) -> ca.MX:
     """Sum values at their places, shape (size,): the transpose of indexing."""
     x = ca.MX.sym("x", size)
-    return ca.jtimes(x[places.tolist()], x, values, True)
+    return ca.jtimes(ca.vec(x[places.tolist()]), x, values, True)  # of a number CasADi would take a row

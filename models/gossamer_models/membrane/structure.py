@@ -300,7 +300,7 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
         stiffness=stiffness,
         normals=normals,
         ways=ways(setup, mesh),
-        edge_force=edge_force(setup, mesh, measured),
+        edge_force=edge_force(setup, mesh, normals),
         unit_forces={
             load.name: unit_force(load, mesh, measured) for load in setup.loads if load.kind in ("force", "dead_pressure")
         },

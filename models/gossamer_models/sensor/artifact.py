@@ -32,7 +32,6 @@ from .drives import RelaxationTerm
 from .hysteresis import across
 
 MARGIN = 0.5  # m [1]
-FRONTS = (1, 2, 4, 8, 16)  # lines of 32 whose fronts are features; of N lines their multiples by N/32
 SCHEMA = "gossamer.sensor"
 VERSION = 1
 FILTER = "the numbers of a filter"
@@ -156,11 +155,6 @@ class Residual:
         a = ca.tanh(ca.mtimes(ca.DM(self.hidden), X) + across(ca.DM(self.bias), features))
         gate = ca.fmax(1.0 - ca.sum1(ca.fmax(ca.fabs(X) - 1.0, 0.0)) / MARGIN, 0.0)
         return gate * self.bound * ca.tanh(ca.mtimes(ca.DM(self.out).T, a) / self.bound)
-
-
-def lines_of(n_lines: int) -> list[int]:
-    """Return the lines whose fronts are features."""
-    return sorted({max(1, line * n_lines // 32) for line in FRONTS if line * n_lines // 32 < n_lines})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

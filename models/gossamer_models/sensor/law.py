@@ -24,11 +24,12 @@ import numpy as np
 
 from ..arrays import Vector
 from ..modes import phi_1, phi_2
-from .artifact import SensorArtifact, lines_of
+from .artifact import SensorArtifact
 from .drives import DIRECTIONS, Drive, RelaxationTerm
 from .hysteresis import across, cumulate, down, move_fronts, resting_fronts
 
 SMALLEST = 1e-300
+FRONTS = (1, 2, 4, 8, 16)  # lines of 32 whose fronts are features; of N lines their multiples by N/32
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,7 +208,7 @@ class SensorLaw:
 
     def features(self, state: SensorState) -> ca.MX:
         """Return what a residual network sees [1]: strain, some fronts, and what every mode adds to the output."""
-        fronts = state.front[lines_of(len(self.mu)), :]
+        fronts = state.front[sorted({max(1, line * len(self.mu) // 32) for line in FRONTS}), :]
         return ca.vertcat(state.s, fronts, state.z, down(state.s, state.g) * state.g)
 
     def advance(self, state: SensorState, s: ca.MX, h: ca.MX) -> SensorState:

@@ -5,8 +5,6 @@ Symbols: wave numbers :math:`m_l, n_l` and amplitudes :math:`b_l` [1] of the mod
 ``y0`` resistance at rest.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -146,7 +144,7 @@ def _density_blocks(settings: PreisachSettings) -> list[ParameterBlock]:
             block("b_mu", np.zeros(M), linear=True, stiffness=settings.density_ridge),
             _waves("m_mu", m),
             _waves("n_mu", n),
-            *(_fixed(each) if settings.eta[0] == settings.eta[1] else each for each in eta),
+            *(replace(b, lower=b.start, upper=b.start) if settings.eta[0] == settings.eta[1] else b for b in eta),
             block("b_elastic", np.zeros(M), linear=True),
         ]
     hats, spring = hat_functions(settings.n_lines, settings.knots)
@@ -155,11 +153,6 @@ def _density_blocks(settings: PreisachSettings) -> list[ParameterBlock]:
         block("b_elastic", np.zeros(spring.shape[1]), linear=True, stiffness=0.1 * settings.density_ridge),
         block("eta", np.array([flat]), *settings.eta, spread=0.02, stiffness=settings.eta_stiffness),
     ]
-
-
-def _fixed(group: ParameterBlock) -> ParameterBlock:
-    """Return the block with its start values for bounds."""
-    return replace(group, lower=group.start, upper=group.start)
 
 
 def _waves(name: str, start: Vector) -> ParameterBlock:

@@ -10,8 +10,6 @@ are matrix expressions, so the function has a few dozen instructions and its
 derivatives take milliseconds to build.
 """
 
-from __future__ import annotations
-
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -70,7 +68,8 @@ def weight_function(
     p = by_block(blocks, x)
 
     functions, amplitudes, eta = _density(settings, p, regression.seen)
-    mu, nu = (ca.mtimes(_constant(functions), a) for a in (amplitudes, eta * amplitudes))
+    of_cells = ca.DM(sparse.csc_matrix(functions))
+    mu, nu = (ca.mtimes(of_cells, a) for a in (amplitudes, eta * amplitudes))
     line = np.triu_indices(settings.n_lines)[0]
     floor = np.where(line == 0, settings.least_slope, settings.least_weight)
     floor[np.diff(functions.tocsr().indptr) == 0] = 0.0
@@ -189,10 +188,6 @@ def _steep_enough(settings: PreisachSettings, p: dict[str, ca.MX], nu: ca.MX) ->
     highest = ca.DM((np.arange(N) + 1.0) / N)
     jump = sum(ca.sum1(p[drive.symbol]) * highest**drive.power for drive in falling)
     return [nu[:N] - settings.least_slope - jump]
-
-
-def _constant(matrix: sparse.sparray) -> ca.DM:
-    return ca.DM(sparse.csc_matrix(matrix))
 
 
 def normalised_sensor(
