@@ -6,8 +6,6 @@ first get a name with their digest, then the card is replaced, then they take th
 whichever belongs to the card.
 """
 
-from __future__ import annotations
-
 import hashlib
 import io
 import json

@@ -8,8 +8,6 @@ content whose SHA-256 begins with its digest; a damaged one is made again. The k
 depends on. Files appear at once and whole, so several processes may make the same one. The folder may be removed.
 """
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import logging

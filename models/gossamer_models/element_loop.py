@@ -5,8 +5,6 @@ body the writer of C replaces by a loop: over blocks of elements in SIMD lanes, 
 over elements where a lane is a case, see ``batch/loop.h``.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -11,8 +11,6 @@ inertial axes; ``h`` step [s]; ``u`` inputs and ``p`` parameters by name. There 
 frame that falls freely.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import casadi as ca

@@ -1,7 +1,5 @@
 """From CSV files to an artifact: the work of the command ``gossamer identify``, and its options."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

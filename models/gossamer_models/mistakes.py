@@ -1,7 +1,5 @@
 """Mistakes in what a person described: where they are, so that the reader of a file can name the line."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import NamedTuple

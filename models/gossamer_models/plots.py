@@ -4,8 +4,6 @@ A chart that is added to ``record_charts`` is drawn for every record by ``gossam
 their pages and, under its name in ``FILES``, as a file.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Run an identified sensor and its compensator through a record, as their FMUs would; what they give as a CSV file."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

@@ -5,8 +5,6 @@ CasADi's virtual machine evaluates the model in buffers that are prepared once, 
 steps. A method that raises leaves the state as it was.
 """
 
-from __future__ import annotations
-
 import logging
 import math
 import struct

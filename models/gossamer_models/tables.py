@@ -1,7 +1,5 @@
 """Tables of sensors that were identified or judged: what was read, errors, rivals, trials, what a sensor consists of."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

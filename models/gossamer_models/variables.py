@@ -5,8 +5,6 @@ array carry their index in the name, ``damage[1]``; inside a step the array is o
 column too, or a dataclass whose fields are states: ``x.sensor.front``.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass

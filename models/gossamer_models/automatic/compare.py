@@ -5,8 +5,6 @@ strain in either order; ``X`` features of the regression: u, :math:`u^2`, :math:
 and the low-passes times u.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

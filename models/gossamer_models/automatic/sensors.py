@@ -1,7 +1,5 @@
 """Choice of the sensor's settings by its output, and of its direct inverse's by the strain it gives."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from dataclasses import replace

@@ -3,8 +3,6 @@
 The stretch is cut in time order; for many trial fits long records are thinned.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress

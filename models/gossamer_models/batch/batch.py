@@ -4,8 +4,6 @@ Symbols: ``x`` states, ``u`` inputs, ``p`` parameters, ``y`` recorded results an
 [s].
 """
 
-from __future__ import annotations
-
 import hashlib
 import logging
 import math

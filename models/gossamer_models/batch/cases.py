@@ -4,8 +4,6 @@ A *table* here holds the columns that a run works with: the parameters and input
 results and, last, the step limit where it is a result.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias

@@ -15,8 +15,6 @@ Where not (a sparse solve, a table that is looked up, a fine mesh), CasADi's loo
 compile does not grow with the model. Sums over elements stay loops.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from itertools import groupby

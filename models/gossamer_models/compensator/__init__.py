@@ -1,7 +1,5 @@
 """Compensator: resistance back to strain, as an inverse of the sensor, an estimator or a filter that runs the sensor."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from ..errors import ParameterError

@@ -8,8 +8,6 @@ constraints, ``p(x)`` regularisation, ``A`` matrix of the record, ``b`` measurem
 Derivatives of f, g and p come from CasADi; A is compressed by QR once, so a longer record does not cost more.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

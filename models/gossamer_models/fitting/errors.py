@@ -1,7 +1,5 @@
 """How good a fit is: errors against the measurement, how well data determine parameters, what must be said of them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

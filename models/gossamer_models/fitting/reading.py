@@ -15,8 +15,6 @@ Rules, beside those of ``gossamer_files.measured``, each with the line of the fi
 - Constant strain or output, and strain below zero by more than rounding of the meter, are refused.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -16,8 +16,6 @@ References
 .. [2] L. Kaufman, BIT Numerical Mathematics 15, 49-57, 1975, doi:10.1007/BF01932995.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

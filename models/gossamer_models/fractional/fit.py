@@ -15,8 +15,6 @@ not depend on the orders and are computed once; what depends on :math:`\theta` i
 How well the parameters are known follows from ``J``, the Jacobian of the residuals by :math:`C_k, a_k, b_k, p_l, q_l`.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field

@@ -16,8 +16,6 @@ References
    Sensors, dissertation, Virginia Tech, 2010, Chapter 3.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

@@ -6,8 +6,6 @@ fading integrals (model-1), one (where the resistance at rest is fitted); ``c`` 
 those of a term on the strain and on its quadrature.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import ClassVar

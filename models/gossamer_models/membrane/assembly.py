@@ -10,8 +10,6 @@ with a column per element; see ``element``. For compiled code they are loops ove
 are parts of a table; see ``loops``. Equal squares are computed in units of their side, where their reference map is one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias

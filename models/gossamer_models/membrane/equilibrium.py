@@ -7,8 +7,6 @@ Each returns the displacements and the largest force that is left, over the larg
 one, the displacements are not a number.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

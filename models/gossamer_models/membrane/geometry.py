@@ -5,8 +5,6 @@ tangent plane, ``R`` = [e1 e2]^T T the reference map, ``J`` its determinant [m2]
 ``lambda`` largest eigenvalue of stiffness over mass of one element [1/m2].
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 

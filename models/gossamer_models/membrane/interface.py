@@ -1,7 +1,5 @@
 """The variables of a membrane on a mesh: one table, made from its setup."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -5,8 +5,6 @@ Symbols: ``e`` twice the Green-Lagrange strain, a symmetric 2 x 2 matrix, ``E1 >
 [Pa]. At small strain all laws are Hooke's.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeAlias

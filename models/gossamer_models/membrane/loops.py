@@ -3,8 +3,6 @@ r"""What one element gives, at its points, and as a function for a loop over all
 Symbols: those of ``element`` and ``assembly``; ``T`` tangents of the stretched element, ``g`` what an element has alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce

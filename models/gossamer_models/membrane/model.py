@@ -6,8 +6,6 @@ inputs and ``p`` parameters by name. Of the slowest vibration ``K`` tangent [N/m
 factor on inertia along the surface [1], ``omega`` angular frequency [1/s].
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace

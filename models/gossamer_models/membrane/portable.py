@@ -3,8 +3,6 @@
 Numbers are written with all their digits, so what is read equals what was written.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict, is_dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Read a mesh file of any format that meshio knows."""
 
-from __future__ import annotations
-
 import io
 from contextlib import redirect_stdout
 from dataclasses import dataclass

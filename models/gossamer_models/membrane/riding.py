@@ -5,8 +5,6 @@ Symbols: ``q`` displacements [m] of the M nodes that move, ``at`` their position
 ``r`` positions from the frame's origin [m] and ``f`` forces [N]; ``m`` masses [kg]; ``h`` step [s].
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

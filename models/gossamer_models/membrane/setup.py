@@ -4,8 +4,6 @@ Every class is one table; ``docs/setup.md`` describes the keys. Groups are those
 of the mesh.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterator

@@ -6,8 +6,6 @@ Symbols: ``N`` nodes, ``M`` of them free, ``n`` faces that are drawn, ``S`` ways
 variable in ``moved_by``.
 """
 
-from __future__ import annotations
-
 import io
 import json
 from collections.abc import Sequence

@@ -5,8 +5,6 @@ without loads. Elements and zones are numbered row by row from the corner neares
 of the thesis; the membrane's own origin is its centre.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import astuple, dataclass, field, fields, replace
 from functools import partial

@@ -4,8 +4,6 @@ Symbols: ``q`` displacements of the moving nodes [m], M of them; ``f`` forces [N
 and ``p`` parameters in the model's order; ``m`` cases, ``z`` zones, ``s`` sensors, ``k`` quantities, ``N`` nodes.
 """
 
-from __future__ import annotations
-
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

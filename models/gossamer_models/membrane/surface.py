@@ -5,8 +5,6 @@ quadrilateral holds (p + 1)^2 nodes at the Gauss-Lobatto-Legendre points, s fast
 common side, found by the numbers of its corners and not by distance, so that two sheets may lie on each other.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass

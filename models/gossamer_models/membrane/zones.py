@@ -4,8 +4,6 @@ Symbols: ``n`` faces, ``at`` their middles [m], ``r`` distance from an axis [m],
 ways to two ends of a surface, from face to face [m].
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterator

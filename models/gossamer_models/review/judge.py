@@ -5,8 +5,6 @@ The sensor is not fitted. With its own scales a record is predicted as the FMUs 
 to the same first stretch of every record, so it knows more than a sensor without fitted scales.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

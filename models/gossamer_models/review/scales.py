@@ -10,8 +10,6 @@ the gauge factor relaxing, hence the decays. All unknowns are linear, and one ri
 later parts of the stretch from the earlier ones, by ``forward_cuts``.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ as in Eq. (4.13) and Section 4.2 of the thesis, or while it falls, and decays as
 mode that is multiplied by the present strain.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType

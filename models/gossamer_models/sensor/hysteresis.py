@@ -9,8 +9,6 @@ below the front.
 Every corner of the tables lies at a multiple of 1/N in both :math:`\alpha` and :math:`\beta`; the inverse relies on it.
 """
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 

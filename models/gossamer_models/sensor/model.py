@@ -4,8 +4,6 @@ Symbols: ``R`` resistance, ``R0`` at rest [ohm], ``dR`` its change at full scale
 normalised output [1].
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from functools import partial

@@ -4,8 +4,6 @@ A chart that is added to ``sensor_charts`` stands on the page of ``gossamer iden
 ``FILES`` names it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from gossamer_files.charts import Chart, Trace, heat, points, section
 

@@ -10,8 +10,6 @@ neighbouring errors: so a noisy one counts less, and one that the model follows 
 when a record began is its own anyway (``PreisachSettings.earlier``).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Doubts about a fit of the modified Preisach model: what the data do not determine, what was assumed, and what to do."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import numpy as np

@@ -11,8 +11,6 @@ the thesis.
 The direct inverse from resistance to strain is a fit to records with both exchanged, with operators of either sign.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from typing import Unpack
 

@@ -7,8 +7,6 @@ weights ``mu``, ``nu = eta*mu`` of the cells, ``w`` and ``v`` of the modes and `
 thesis are ``Stretch.response``. Switching depends on strain alone, so all columns are known before anything is fitted.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple

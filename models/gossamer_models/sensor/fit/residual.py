@@ -5,8 +5,6 @@ Symbols: ``X`` features over their range [1], ``r`` remaining output [1], ``B`` 
 predict the later parts of the training stretch best.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from itertools import count
 

@@ -5,8 +5,6 @@ stretch is cut into ``PARTS``; after the first half, each part is predicted by a
 to the whole training stretch predicts the test stretch.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
