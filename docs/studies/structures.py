@@ -5,7 +5,7 @@ the first line says which there are. Random cases have 1 to 3 damaged zones of 5
 sample, resistance of 0.1 % of its change at full scale; offsets are unknown. Records of motion have 400 samples, the sail
 has 8 states of 10 readings. ``*_finer`` are records of a mesh of four times the elements, which the twin does not know,
 ``*_healthy`` those less a healthy record of that mesh. ``*_24`` have 24 zones and 16 sensors, chosen by place-sensors.
-``tube_strain`` has the strain noise at which a sensor without hysteresis tells as much as that of ``tube_resistance``.
+``tube_strain`` has as much noise of strain as that of ``tube_resistance`` is, by the swings of both at each sensor.
 ``*_watch`` are records in which 20 to 50 % damage of one zone begin after 12 periods, with a load 3 % above or below what
 the watch knows; an alarm comes in time if it comes within three periods.
 """
@@ -34,7 +34,6 @@ BEFORE, WINDOWS = 12, 18  # windows before the one in which damage begins, and i
 WRONG_LOAD = 0.03
 STEP = 2.4e-4  # [s]
 RESISTANCE_NOISE = 1e-3  # of the change of resistance at full scale
-EQUIVALENT = RESISTANCE_NOISE * 0.5  # of strain: the sensor's full scale
 QUIET = {"pressure_amplitude": 0.0}
 TUBE = {"base_acceleration[2]": (40.0, 25.0), "base_acceleration[3]": (40.0, 40.0), "base_acceleration[1]": (20.0, 60.0)}
 
@@ -57,8 +56,7 @@ class Row:
     parameters: Mapping[str, float] = field(default_factory=dict)
     finer: bool = False  # whether the record is of a mesh of four times the elements
     healthy: bool = False  # whether a healthy record of the structure is taken from it
-    noise: float = NOISE  # of strain
-    resistance: bool = False  # whether the twin is fitted to what sensors with hysteresis read
+    read: Literal["strain", "resistance", "as by resistance"] = "strain"  # of sensors with hysteresis; or with their noise
 
 
 def shaken(time: Array) -> dict[str, Array]:
@@ -106,12 +104,16 @@ def records(row: Row, structure: Structure, damage: Array) -> list[ResponseRecor
     load = {name: np.asarray(values) for name, values in row.load(times).items()}
     if row.step:
         read = forward.strain(damage, {}, load, SAMPLES, row.step)
-        noise: float | Array = row.noise
-        if row.resistance:
+        kind: Literal["strain", "resistance"] = "strain"
+        noise = np.full(structure.n_sensors, NOISE)
+        if row.read != "strain":
             sensed = SensedForward(forward, default_artifact())
-            read, noise = sensed.resistance(read, row.step), RESISTANCE_NOISE * sensed.scale("resistance")[1][:, 0]
-        noisy = read + np.reshape(noise, (-1, 1)) * random.standard_normal(read.shape)
-        kind: Literal["strain", "resistance"] = "resistance" if row.resistance else "strain"
+            ohm, noise = sensed.resistance(read, row.step), RESISTANCE_NOISE * sensed.scale("resistance")[1][:, 0]
+            if row.read == "resistance":
+                read, kind = ohm, "resistance"
+            else:
+                noise = noise * np.ptp(read, axis=(0, 2)) / np.ptp(ohm, axis=(0, 2))
+        noisy = read + noise[:, None] * random.standard_normal(read.shape)
         return [ResponseRecord(step=row.step, values=y, noise=noise, inputs=load, kind=kind) for y in noisy]
     strain = np.repeat(forward.states(damage, {}, load), READINGS, axis=2)
     noisy = strain + NOISE * random.standard_normal(strain.shape)
@@ -130,7 +132,7 @@ def measure(name: str, row: Row, count: int) -> str:
         parameters=row.parameters,
         mesh_error=MeshErrors(structure, row.parameters) if row.finer else None,
         healthy=records(row, structure, np.zeros((1, structure.n_zones)))[0] if row.healthy else None,
-        sensor=default_artifact() if row.resistance else None,
+        sensor=default_artifact() if row.read == "resistance" else None,
     )
     answers, begun = list[Answer](), time.process_time()
     for record in made:
@@ -205,8 +207,8 @@ ROWS = {
         STEP,
     ),
     "tube_24": Row("0.5 / 3", lambda: divided("tube", 16, lambda z: replace(z, sectors=4, slices=6)), STEP, shaken, QUIET),
-    "tube_resistance": Row("2 x tube_strain", lambda: shipped("tube"), STEP, shaken, QUIET, resistance=True),
-    "tube_strain": Row("", lambda: shipped("tube"), STEP, shaken, QUIET, noise=EQUIVALENT),
+    "tube_resistance": Row("2 x tube_strain", lambda: shipped("tube"), STEP, shaken, QUIET, read="resistance"),
+    "tube_strain": Row("", lambda: shipped("tube"), STEP, shaken, QUIET, read="as by resistance"),
 }
 WATCHED = {"dish_watch": "reflector", "drum_watch": "drum"}
 

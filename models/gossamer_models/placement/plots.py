@@ -18,7 +18,6 @@ from .placing import Placement, Placing
 
 NAMED = 40  # zones with a label: more would cover the picture
 LENGTH = 0.05  # of the line of a sensor, shares of the membrane's size
-VIRIDIS = ((68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37))
 
 
 def placement_charts(found: Placing) -> list[Chart]:
@@ -142,9 +141,10 @@ def _scale(limits: Array) -> Trace:
 
 def _color(shade: float) -> str:
     """Return a colour of Viridis, 0 the lightest and 1 the darkest."""
-    place = (1.0 - min(max(shade, 0.0), 1.0)) * (len(VIRIDIS) - 1)
-    parts = [np.interp(place, range(len(VIRIDIS)), shades) for shades in zip(*VIRIDIS, strict=True)]
-    return "#" + "".join(f"{round(float(part)):02x}" for part in parts)
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
+    return str(to_hex(colormaps["viridis"](1.0 - shade)))
 
 
 def view_of(nodes: Matrix) -> Matrix:

@@ -282,9 +282,7 @@ class Twin:
             )
             raise DataError(msg)
         if isinstance(record, StaticRecord):
-            start = {name: np.array([value]) for name, value in record.start.items()}
-            strain = self._forward.states(np.zeros((1, self.zones)), start, record.inputs)[0]
-            lost = ~np.isfinite(strain[:, record.state]).all(axis=0)
+            lost = ~np.isfinite(self._undamaged(record)).all(axis=0)
             if lost.any():
                 names = ", ".join(dict.fromkeys(record.names[k] for k in record.state[lost]))
                 msg = f"the undamaged membrane has no equilibrium in load state {names}. Check its loads and supports."
