@@ -1,7 +1,7 @@
 """Campaigns: many cases of damage, load, material and sensors, a function of a seed, in a store that can be resumed."""
 
 from .cases import Cases, draw_cases, measured_resistance, measured_strain
-from .defaults import campaign_of_setup, check_monitored
+from .defaults import campaign_of_setup
 from .description import (
     LOAD,
     OF_NO_VARIABLE,
@@ -22,7 +22,6 @@ __all__ = [
     "campaign_of_setup",
     "CampaignPlan",
     "Chain",
-    "check_monitored",
     "Damage",
     "Distribution",
     "LOAD",

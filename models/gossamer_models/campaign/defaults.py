@@ -56,7 +56,7 @@ def campaign_of_setup(
         The setup has no zones or no sensors, nothing moves it, or two loads of other periods do.
     """
     structure = membrane.structure
-    check_monitored(structure)
+    _check_monitored(structure)
     values = {name: row.start or 0.0 for name, row in membrane.settable.items()} | dict(membrane.parameters)
     f, amplitude, c = (values[name] for name in ("pressure_frequency", "pressure_amplitude", "mass_damping"))
     pressed = any(load.kind == "pressure" for load in structure.setup.loads)
@@ -105,14 +105,8 @@ def campaign_of_setup(
     )
 
 
-def check_monitored(structure: Structure) -> None:
-    """Refuse a structure whose damage cannot be told.
-
-    Raises
-    ------
-    ParameterError
-        It has no zones, or no sensors.
-    """
+def _check_monitored(structure: Structure) -> None:
+    """Refuse a structure without zones or sensors."""
     for count, what, advice in (
         (structure.n_zones, "zones", "so there is no damage to find. Write [[zones]] with groups of faces"),
         (structure.n_sensors, "sensors", "so nothing is measured. Write [[sensors]], or let place-sensors choose them"),
