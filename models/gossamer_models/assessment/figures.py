@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from ..arrays import Matrix, Rows, Vector
 from ..detector import DetectorArtifact, PosteriorArtifact, detector_model
@@ -110,8 +110,8 @@ def figures(damage: Matrix, verdicts: Verdicts) -> Figures:
         worst_healthy=100.0 * float(error[~damaged].max(initial=0.0)),
         z_rms=math.sqrt(_mean(z**2)),
         damaged_z_rms=math.sqrt(_mean(damaged_z**2)),
-        within_95=_mean(z <= norm.ppf(0.975)),
-        damaged_within_95=_mean(damaged_z <= norm.ppf(0.975)),
+        within_95=_mean(z <= ndtri(0.975)),
+        damaged_within_95=_mean(damaged_z <= ndtri(0.975)),
         brier=math.nan if P is None else _mean((P - damaged) ** 2),
     )
 
@@ -160,7 +160,7 @@ def reliability(damage: Matrix, verdicts: Verdicts) -> Vector:
     """
     z = np.abs(scaled_errors(damage, verdicts))
     z = z[(damage > 0.0)[verdicts.valid].ravel()] if z.size else z
-    return np.array([_mean(z <= norm.ppf(0.5 + nominal / 2.0)) for nominal in NOMINAL])
+    return np.array([_mean(z <= ndtri(0.5 + nominal / 2.0)) for nominal in NOMINAL])
 
 
 def confusion(damage: Matrix, verdicts: Verdicts, threshold: float) -> Matrix:

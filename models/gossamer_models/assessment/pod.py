@@ -13,15 +13,15 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq, minimize_scalar
-from scipy.special import expit, logit
-from scipy.stats import binomtest, chi2
+from scipy.special import bdtrc, chdtri, expit, logit
+from scipy.stats import binomtest
 
 from ..arrays import Rows, Vector
 from ..errors import DataError
 
 CONFIDENCE = 0.95
 DETECTED = 0.9  # probability of detection of a90
-CRITICAL = float(chi2.ppf(2.0 * CONFIDENCE - 1.0, 1))  # 2.706: one side of the likelihood ratio
+CRITICAL = float(chdtri(1, 2.0 * (1.0 - CONFIDENCE)))  # 2.706: one side of the likelihood ratio
 FAR = 12.0  # ranges of size beyond the largest, where a bound is no bound any more
 FLATTEST, STEEPEST = 1e-3, 1e3  # logits from the smallest to the largest size: no slope, and a step
 TINY = 1e-300
@@ -122,8 +122,7 @@ def size_by_counts(size: ArrayLike, hit: ArrayLike, detected: float = 0.9) -> fl
     found = math.inf
     for smallest in np.unique(a)[::-1]:
         among = y[a >= smallest]
-        test = binomtest(int(among.sum()), among.size, detected, alternative="greater")
-        if test.pvalue <= 1.0 - CONFIDENCE:
+        if bdtrc(among.sum() - 1, among.size, detected) <= 1.0 - CONFIDENCE:  # as many hits or more, by chance
             found = float(smallest)
         elif math.isfinite(found):
             break

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.optimize import minimize_scalar
-from scipy.stats import norm
+from scipy.special import ndtr
 from threadpoolctl import threadpool_limits
 
 from ..arrays import Matrix, Vector
@@ -220,7 +220,7 @@ def _with_honest_heads(window: PosteriorWindow, found: Features, d: Matrix) -> P
         msg = f"the network recognises {called.sum()} damaged zones of {damaged.sum()}. Train longer, or on more cases."
         raise DataError(msg)
     u = np.abs(mean - d)[called] / deviation(spread[called])
-    f = np.quantile(u, 2.0 * norm.cdf(BAND) - 1.0) / BAND
+    f = np.quantile(u, 2.0 * ndtr(BAND) - 1.0) / BAND
     *rest, W, b = window.encoder
     W, b = W.copy(), b.copy()
     q = window.answered.shape[1]

@@ -17,7 +17,7 @@ import math
 
 import numpy as np
 from gossamer_files.options import option
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from ..arrays import Matrix, Vector
 from ..errors import ParameterError
@@ -25,8 +25,8 @@ from ..twin.least_squares import MOST_DAMAGE, PRIOR_DEVIATION
 from ..twin.nuisances import OFFSET
 
 FALSE_ALARMS, DETECTED = 0.05, 0.9
-THRESHOLD = float(norm.isf(FALSE_ALARMS))  # 1.645 deviations
-FACTOR = THRESHOLD + float(norm.ppf(DETECTED))  # 1.645 + 1.282 deviations
+THRESHOLD = -float(ndtri(FALSE_ALARMS))  # 1.645 deviations
+FACTOR = THRESHOLD + float(ndtri(DETECTED))  # 1.645 + 1.282 deviations
 NOTHING_KNOWN = 1e4  # deviation of a damage [1]
 STARTS = 24  # first candidates
 STEEP = 8  # power of the deviations in the mean that stands for the worst

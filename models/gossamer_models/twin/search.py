@@ -13,7 +13,7 @@ from functools import partial
 from typing import TypeVar
 
 import numpy as np
-from scipy.stats import chi2 as chi2_distribution
+from scipy.special import chdtri
 
 from ..arrays import Rows, Vector
 from ..errors import ConvergenceError
@@ -98,7 +98,7 @@ class Fit:
 
 def chi2_bound(problem: RecordProblem) -> float:
     """Return the bound on chi2 per sample of a right model; wider where the noise was estimated from the record."""
-    bound = float(chi2_distribution.ppf(CONFIDENCE, problem.values)) / problem.values
+    bound = float(chdtri(problem.values, 1.0 - CONFIDENCE)) / problem.values
     if problem.record.noise is None:
         bound *= 1.0 + 3.0 * NOISE_DOUBT / math.sqrt(problem.record.present.sum())
     return bound

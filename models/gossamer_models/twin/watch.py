@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import chi2 as chi2_distribution
+from scipy.special import chdtri
 
 from ..arrays import Rows, Vector
 from ..errors import ConvergenceError, DataError, ParameterError
@@ -231,7 +231,7 @@ class Watch:
                 self._factors[name] *= 1.0 + float(np.clip(move, -LOAD_DEVIATION, LOAD_DEVIATION))
             self._onsets = []
             return self.advance(readings, known)  # the first window again, with better loads
-        threshold = float(chi2_distribution.isf(self._false_alarms, freedom)) / freedom
+        threshold = float(chdtri(freedom, self._false_alarms)) / freedom
         before = self._scores[: max(1, len(self._scores) - MEMORY)]
         statistic = self._evidence.score / max(1.0, float(np.mean(before))) if before else 0.0
         alarm = self._suspected is None and statistic > threshold
