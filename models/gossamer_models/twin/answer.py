@@ -172,6 +172,7 @@ def answer_of(
         alone = kept.copy()
         alone[k] = True
         deviation[k] = math.sqrt(_covariance(A, alone)[k, k] + spread[k, k])
+    deviation[:zones] = np.hypot(deviation[:zones], fit.vague)
     damages = covariance[:zones, :zones].copy()
     np.fill_diagonal(damages, deviation[:zones] ** 2)
     per_sample, bound = fit.per_sample, chi2_bound(problem)
@@ -181,6 +182,7 @@ def answer_of(
             f"the twin does not explain the record: chi2 per sample is {per_sample:.3g}, its bound {bound:.3g}. Check "
             "load, damping, sensors and noise"
         )
+    said += [fit.oddity] if fit.oddity else []
     said += [*problem.nuisances.far(x[zones:]), *more]
     reading = problem.reading(fit.point)
     shares: Shares = ()

@@ -26,6 +26,7 @@ from .simulation import SensedForward
 
 NEGLIGIBLE = 1e-9  # of the largest eigenvalue: directions that gaps leave without values; of the noise's variance
 ROUNDED = 1e-14  # of the largest eigenvalue: what round-off leaves of it
+SMALL = 1e-2  # of a cause, to weigh it where sensors bend it
 NUISANCE_STEP = 1e-4  # in units of the prior's deviation
 KEPT = 64  # simulations: those of derivatives, which serve again under other weights
 SMALL_STEP = 2e-5  # of damage: errors of differences would tell modulus, density, loads and equal damage apart
@@ -52,6 +53,8 @@ class RecordWeights:
     ----------
     values : int
         Independent numbers that are compared.
+    of_sensors : list of slice
+        Which of them belong to each sensor.
     log_determinant : float
         Of the covariance, in units of the noise's.
     """
@@ -68,10 +71,11 @@ class RecordWeights:
             self._bases.append(seen @ (V[:, good] / np.sqrt(e[good])))
         self.values = sum(basis.shape[1] for basis in self._bases) if self._bases else int(present.sum())
         last = np.cumsum([basis.shape[1] for basis in self._bases] or present.sum(axis=1)).tolist()
+        self.of_sensors = [slice(*ends) for ends in pairwise([0, *last])]
         self._along = list[tuple[slice, Matrix, Vector]]()
         if own is not None:
             scaled = self._project(own)
-            self._along = [(slice(*ends), *_modes(scaled[:, slice(*ends)])) for ends in pairwise([0, *last])]
+            self._along = [(values, *_modes(scaled[:, values])) for values in self.of_sensors]
         self._along.append((slice(None), *_modes(self.weigh(components))))
         self.log_determinant = -2.0 * float(sum(np.log1p(-less).sum() for _, _, less in self._along))
 
@@ -203,6 +207,8 @@ class RecordProblem(DamageUnknowns, LeastSquares):
 
     Attributes
     ----------
+    noise : ndarray, shape (s,)
+        Standard deviation of the noise.
     sensor_error : SensorError or None
         How far the sensors may be off their identified model, if that is a nuisance.
     """
@@ -224,7 +230,7 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         self._zero, self._scale = sensed.scale(record.kind)
         self.simulations, self._report, self._counting = 0, report, Lock()
         self._known: dict[bytes, tuple[Matrix, Matrix]] = {}
-        self._noise, self._splines, self.sensor_error = noise, None, None
+        self.noise, self._splines, self.sensor_error = noise, None, None
         behind = record.kind == "resistance" and (discrepancy is not None or SENSOR in nuisances.kinds)
         undamaged = require_finite(self._simulated(np.zeros((1, self.size)))[0]) if behind else None
         self._components = np.zeros((0, *record.values.shape))
@@ -267,6 +273,15 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         return {k: self._weights_of(present & (sensors == k)[:, None], components).weigh for k in self.record.sensors}
 
     @property
+    def in_time(self) -> bool:
+        """Whether the values of a sensor follow each other in time."""
+        return self._splines is None and not isinstance(self.record, StaticRecord)
+
+    def by_sensor(self, r: Vector) -> list[Vector]:
+        """Return the values of each sensor, of all of them."""
+        return [r[values] for values in self._weights.of_sensors]
+
+    @property
     def log_determinant(self) -> float:
         """Of the covariance of the record beside the nuisances that are fitted, in units of the noise's."""
         return self._weights.log_determinant
@@ -278,7 +293,7 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         self.y = self._weights.weigh(np.where(self.record.present, self.record.values, 0.0)[None])[0]
 
     def _weights_of(self, present: Rows, components: Matrix, own: Matrix | None = None) -> RecordWeights:
-        return RecordWeights(present, self._noise, components, self._splines, own)
+        return RecordWeights(present, self.noise, components, self._splines, own)
 
     def _error_along(self, strain: Matrix, resistance: Matrix, scales: Matrix | None = None) -> SensorError:
         bank, n = self.sensed.require_bank(), self.record.samples
@@ -310,6 +325,21 @@ class RecordProblem(DamageUnknowns, LeastSquares):
     def reading(self, point: Point) -> Matrix:
         """Return what the sensors read at a point, shape (s, n), in the unit of the record."""
         return np.asarray(self._read(point.predicted[None], self.z(point.x[None]))[0])
+
+    def weigh_columns(self, columns: Matrix, x: Vector) -> Matrix:
+        """Weigh small changes of the strain [1] about unknowns, shape (k, s, n), shape (k, values)."""
+        return self._weights.weigh(self.columns_as_read(SMALL * columns, x) / SMALL)
+
+    def columns_as_read(self, columns: Matrix, x: Vector) -> Matrix:
+        """Return small changes of the strain [1] about unknowns as changes of the record, shape (k, s, n)."""
+        return self._as_read(columns, self._simulated(x[None])[0] if self.record.kind == "resistance" else None)
+
+    def beside(self, components: Matrix) -> RecordProblem:
+        """Return the problem with more components of an error of the model, in the record's unit, shape (k, s, n)."""
+        found = copy(self)
+        found._components = np.concatenate([self._components, components])
+        found._weigh_anew()
+        return found
 
     def _as_read(self, error: Matrix, strain: Matrix | None) -> Matrix:
         """Return components of an error of strain in the unit of the record, at its samples; about a strain."""

@@ -22,6 +22,7 @@ LEAST_SAMPLES = 60  # per sensor: fewer cannot tell the damages
 DIFFERENCES = 6  # order of the differences that show noise
 DEAD = 1e-9  # spread over magnitude of a sensor that does not move
 MOST_WIRINGS = 6  # pairs of swapped sensors that are looked into, and wrong ones
+PASSING = 3.0  # deviations of chi2 above the expected one: of a reading that fits, at most
 ALIKE = 0.02  # of a misfit: readings that fit equally well, as mirrored ones do
 SAME_STEP = 1e-6  # of a step
 SAME_LOAD = 0.01  # of its size: how far the loads of a healthy record may be from those of another
@@ -134,8 +135,13 @@ class ResponseRecord:
         """Return the record with its rows in another order."""
         return replace(self, values=self.values[list(order)])
 
-    def noise_deviation(self) -> Vector:
+    def noise_deviation(self, predicted: Matrix | float = 0.0) -> Vector:
         r"""Return the standard deviation of the noise of each sensor, shape (sensors,), not a number for sensors left out.
+
+        Parameters
+        ----------
+        predicted : ndarray, shape (sensors, n)
+            What the noise is added to, as far as it is known.
 
         Notes
         -----
@@ -144,9 +150,9 @@ class ResponseRecord:
         """
         if self.noise is not None:
             return self._noise_as_given()
-        found = np.full(len(self.values), np.nan)
+        found, left = np.full(len(self.values), np.nan), self.values - predicted
         for k in self.sensors:
-            d = np.diff(self.values[k], DIFFERENCES)
+            d = np.diff(left[k], DIFFERENCES)
             d = d[np.isfinite(d)]
             if d.size < LEAST_SAMPLES // 2:
                 msg = f"sensor {k + 1} has too many gaps to estimate its noise. Give the noise, or leave the sensor out."
@@ -206,7 +212,7 @@ class StaticRecord(ResponseRecord):
         many, own = (np.bincount(each.state, minlength=each.states) for each in (other, self))
         return means[:, other.state], math.sqrt(float((many / own).max()))  # a mean is the same for all readings of a state
 
-    def noise_deviation(self) -> Vector:
+    def noise_deviation(self, predicted: Matrix | float = 0.0) -> Vector:  # noqa: ARG002 repeated readings need none
         """Return the standard deviation of the noise of each sensor, shape (sensors,): given, or of repeated readings."""
         if self.noise is not None:
             return self._noise_as_given()
@@ -352,17 +358,19 @@ def _unlike(measured: Vector, predicted: Vector) -> float:
     return float(np.var(difference))
 
 
-def best_wiring(wirings: Sequence[Wiring], misfits: Sequence[float]) -> Wiring | None:
-    """Return the reading with the smallest misfit, or None if none passes.
+def best_wiring(wirings: Sequence[Wiring], misfits: Sequence[float], most: float = PASSING) -> Wiring | None:
+    """Return the reading with the smallest misfit, or None if none is below a bound.
 
     Parameters
     ----------
     wirings : sequence of Wiring
         Other readings of a record.
     misfits : sequence of float
-        By how many standard deviations chi2 of each is above the expected one; above 3 is no fit.
+        By how many standard deviations chi2 of each is above the expected one.
+    most : float
+        Their bound.
     """
-    if not len(misfits) or not min(misfits) < 3.0:
+    if not len(misfits) or not min(misfits) < most:
         return None
     alike = [wiring for wiring, misfit in zip(wirings, misfits, strict=True) if misfit < min(misfits) + ALIKE]
     best = alike[0]

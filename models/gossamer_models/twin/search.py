@@ -9,18 +9,19 @@ import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import TypeVar
 
 import numpy as np
-from scipy.special import chdtri
+from scipy.special import chdtrc, chdtri, ndtr
 
-from ..arrays import Rows, Vector
+from ..arrays import Matrix, Rows, Vector
 from ..errors import ConvergenceError
 from .forward import WORKERS
 from .least_squares import NEGLIGIBLE, Minimum, Point, Quadratic, change, descend
 from .nuisances import BEYOND, FACTORS, MODULUS
 from .problem import RecordProblem
+from .record import LEAST_SAMPLES
 from .zone_sets import THRESHOLD, Alternatives, Box, alternatives, drop_zones, price
 
 S = TypeVar("S")
@@ -56,8 +57,12 @@ class Fit:
         Unknowns that are not dropped.
     early_chi2 : float
         Smallest chi2 of the first stage; infinite without one.
+    J : ndarray, shape (values, n)
+        Derivatives by all unknowns there.
     rivals : tuple of tuple
         Other sets of zones that were fitted: unknowns that are not dropped, chi2, and where it is smallest.
+    vague : float or ndarray, shape (zones,)
+        Deviations of damages [1] that do not come from the record, beside those that do.
     """
 
     problem: RecordProblem
@@ -65,7 +70,9 @@ class Fit:
     model: Quadratic
     kept: Rows
     early_chi2: float
+    J: Matrix
     rivals: tuple[tuple[Rows, float, Vector], ...] = ()
+    vague: float | Vector = 0.0
 
     @property
     def likely(self) -> Alternatives:
@@ -93,15 +100,42 @@ class Fit:
     def passes(self) -> bool:
         """Whether chi2 per sample is below its bound, and no nuisance as far from its prior as the search goes."""
         far = np.abs(self.problem.z(self.point.x[None])).max(initial=0.0)
-        return bool(self.per_sample <= chi2_bound(self.problem) and far < BEYOND)
+        return bool(self.per_sample <= chi2_bound(self.problem) and far < BEYOND and not self.oddity)
+
+    @cached_property
+    def oddity(self) -> str:
+        """What residuals show that those of a right model do not; empty if nothing.
+
+        Chi2 of each sensor, and of each quarter of its time, and the correlation of neighbouring samples; of all of them one
+        record of a thousand is off by chance.
+        """
+        found = list[tuple[float, str]]()
+        for k, r in enumerate(self.problem.by_sensor(self.point.r), 1):
+            wide = 1.0 + doubt_of_noise(self.problem, r.size)
+            parts = [(r, "")]
+            if self.problem.in_time and r.size >= LEAST_SAMPLES:
+                parts += [(part, f" in quarter {q} of the time") for q, part in enumerate(np.array_split(r, 4), 1)]
+                follows = float(r[1:] @ r[:-1]) / max(float(r @ r), r.size)  # less noise than stated is no fault
+                text = (
+                    f"what is left of sensor {k} is no white noise: neighbouring samples have a correlation of {follows:.2f}"
+                )
+                found.append((float(ndtr(-follows * math.sqrt(r.size))), text))
+            for part, where in parts:
+                chance = float(chdtrc(part.size, part @ part / wide)) if part.size else 1.0
+                found.append((chance, f"the twin does not explain sensor {k}{where}"))
+        least = min(found, default=(1.0, ""))
+        return least[1] if least[0] * len(found) < 1.0 - CONFIDENCE else ""
 
 
 def chi2_bound(problem: RecordProblem) -> float:
     """Return the bound on chi2 per sample of a right model; wider where the noise was estimated from the record."""
     bound = float(chdtri(problem.values, 1.0 - CONFIDENCE)) / problem.values
-    if problem.record.noise is None:
-        bound *= 1.0 + 3.0 * NOISE_DOUBT / math.sqrt(problem.record.present.sum())
-    return bound
+    return bound * (1.0 + doubt_of_noise(problem, int(problem.record.present.sum())))
+
+
+def doubt_of_noise(problem: RecordProblem, samples: int) -> float:
+    """Return how much larger the variance of noise that was estimated from some samples may be, as a share."""
+    return 3.0 * NOISE_DOUBT / math.sqrt(samples) if problem.record.noise is None and samples else 0.0
 
 
 def search(
@@ -221,6 +255,12 @@ def _ended(whole: RecordProblem, start: Begun, *, sparse: bool) -> Fit | None:
         return None
 
 
+def again(fit: Fit, problem: RecordProblem, *, sparse: bool) -> Fit:
+    """Return the fit of a problem with other weights, from where another one ended; that one if it fails."""
+    ended = _ended(problem, Begun(fit.point.x, fit.early_chi2), sparse=sparse)
+    return fit if ended is None else ended
+
+
 def _side_by_side(what: Callable[[S], T], each: Sequence[S]) -> list[T]:
     """Return what a function gives of each, in threads where there are several."""
     if len(each) < 2:
@@ -265,7 +305,7 @@ def _finish(whole: RecordProblem, x: Vector, early_chi2: float, *, sparse: bool,
     free = np.ones(whole.size, dtype=bool)
     found = descend(whole, x, free, most, enough=ROUGH if sparse else NEGLIGIBLE)
     if not sparse:
-        return Fit(whole, found.point, found.model, free, early_chi2)
+        return Fit(whole, found.point, found.model, free, early_chi2, found.J)
     model = found.model
     if MODULUS in whole.nuisances.simulated:
         model = whole.about(whole.points(_common_as_modulus(whole, found.point.x)[None])[0], free, found.J)
@@ -276,8 +316,8 @@ def _finish(whole: RecordProblem, x: Vector, early_chi2: float, *, sparse: bool,
         reached = found.point.chi2 + THRESHOLD * kept[: whole.zones].sum()
         if best is not None and reached >= worth:
             break
-        full = _over_all(whole, found, kept)
-        best, worth = Fit(whole, found.point, full, kept, early_chi2), reached
+        full, J = _over_all(whole, found, kept)
+        best, worth = Fit(whole, found.point, full, kept, early_chi2, J), reached
         likely = alternatives(full, box(whole, full.at), drop_zones(full, box(whole, full.at))[0])
         other, move = likely.best
         promised = found.point.chi2 + change(full.A, full.g, move) + THRESHOLD * other[: whole.zones].sum()
@@ -288,11 +328,11 @@ def _finish(whole: RecordProblem, x: Vector, early_chi2: float, *, sparse: bool,
     return best
 
 
-def _over_all(problem: RecordProblem, found: Minimum, kept: Rows) -> Quadratic:
-    """Return the quadratic model over all unknowns, at a minimum over the kept ones."""
+def _over_all(problem: RecordProblem, found: Minimum, kept: Rows) -> tuple[Quadratic, Matrix]:
+    """Return the quadratic model and the derivatives over all unknowns, at a minimum over the kept ones."""
     J = np.empty((problem.values, problem.size))
     J[:, kept], J[:, ~kept] = found.J, problem.derivatives(found.point, ~kept)
-    return problem.about(found.point, np.ones(problem.size, dtype=bool), J)
+    return problem.about(found.point, np.ones(problem.size, dtype=bool), J), J
 
 
 def _with_rivals(fit: Fit) -> Fit:
@@ -316,7 +356,8 @@ def _with_rivals(fit: Fit) -> Fit:
         return replace(fit, rivals=rivals)
     kept, _, x = ends[best]
     found = descend(whole, x, kept)
-    return replace(fit, point=found.point, model=_over_all(whole, found, kept), kept=kept, rivals=rivals)
+    model, J = _over_all(whole, found, kept)
+    return replace(fit, point=found.point, model=model, J=J, kept=kept, rivals=rivals)
 
 
 def _common_as_modulus(problem: RecordProblem, x: Vector) -> Vector:

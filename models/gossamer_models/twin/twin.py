@@ -7,15 +7,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
-from typing import Literal
+from functools import cached_property, partial
+from typing import Literal, TypeAlias
 
 import numpy as np
 from gossamer_files.options import option
 from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
-from ..arrays import Matrix
+from ..arrays import Matrix, Vector
 from ..errors import DataError, ParameterError
 from ..membrane import Structure
 from ..sensor import SensorArtifact
@@ -42,6 +42,7 @@ from .problem import DamageUnknowns, RecordProblem
 from .reasons import likely_reason
 from .record import (
     LEAST_SAMPLES,
+    PASSING,
     ResponseRecord,
     StaticRecord,
     Wiring,
@@ -50,12 +51,17 @@ from .record import (
     less_healthy,
     other_wirings,
 )
-from .search import Fit, begun, search
+from .search import Fit, again, begun, misfit, search
+from .second_look import Parted, parted
 from .simulation import SensedForward
 
 EARLY = (0.6, 2.0)  # first periods of the first stages: early, chi2 has one valley; over two periods it has several
 VALLEY = 0.7  # first periods over which chi2 has one valley, at most
 MOST_STEPS = 5000  # internal steps that are compared, unless the record is said to be compared whole
+SUSPECT = 0.5  # deviations of chi2 above the expected one from which on wirings are compared, and by which one is better
+Progress: TypeAlias = Callable[[float, int], None]  # length of the record [s], and simulations that were made
+ESTIMATES, SAME_NOISE = 2, 0.9  # of noise from what a fit leaves, while it falls below this share
+WIRED = 20.0  # of chi2: what another wiring of a record that fits must explain
 BEHIND = (
     "the error of the mesh was learned of strain. Behind sensors that are off their model it is not known, so no answer "
     "is valid"
@@ -153,9 +159,7 @@ class Twin:
         """Number of sensors."""
         return self._forward.sensors
 
-    def fit(
-        self, record: ResponseRecord, start: ArrayLike | None = None, report: Callable[[float, int], None] = lambda *_: None
-    ) -> Answer:
+    def fit(self, record: ResponseRecord, start: ArrayLike | None = None, report: Progress = lambda *_: None) -> Answer:
         """Find the damages that explain a record.
 
         Parameters
@@ -178,21 +182,18 @@ class Twin:
         with threadpool_limits(1):  # small matrices: waking other threads for them costs many times their work
             return self._fit(record, start, report)
 
-    def _fit(self, record: ResponseRecord, start: ArrayLike | None, report: Callable[[float, int], None]) -> Answer:
+    def _fit(self, record: ResponseRecord, start: ArrayLike | None, report: Progress) -> Answer:
         record, doubts = self._usable(record)
         given = None if start is None else np.clip(np.asarray(start, dtype=float), 0.0, MOST_DAMAGE)
         if given is not None and given.shape != (self.zones,):
             msg = f"a start has one damage for each of {self.zones} zones, not shape {given.shape}"
             raise ParameterError(msg)
-        stages = self._stages(record, report)
-        static = isinstance(record, StaticRecord)
-        one_valley = not static and stages[0].record.samples * record.step <= VALLEY * self._forward.period
-        fit, minima = search(stages, given, sparse=self.sparse, one_valley=one_valley)
-        wiring = None if fit.passes else self._other_wiring(record, fit, report)
+        fit, minima = self._searched(record, given, report)
+        wiring = self._other_wiring(record, fit, report)
         if wiring is not None:
             changed = wiring.applied(record)
-            other, others = search(self._stages(changed, report), given, sparse=self.sparse, one_valley=one_valley)
-            if other.passes:
+            other, others = self._searched(changed, given, report)
+            if other.passes and not (fit.passes and other.unlikely > fit.unlikely - WIRED):
                 record, fit, minima = changed, other, others
                 doubts.append(wiring.doubt)
             else:
@@ -206,13 +207,15 @@ class Twin:
         unresolved = untold_zones(fit)
         groups = alike(without_nuisances(fit.model.A, self.zones))
         if fit.passes and groups.max() + 1 < self.zones:  # those that the record cannot tell apart have one damage
-            whole = self._problem(record, report, groups)
-            counts = np.bincount(groups)
-            means = np.bincount(groups, fit.point.x[: self.zones]) / counts
+            whole = self._problem(record, report, groups, noise=fit.problem.noise)
+            means = np.bincount(groups, fit.point.x[: self.zones]) / np.bincount(groups)
             together, _ = search([whole], means, sparse=self.sparse)
             fit = together if together.passes else fit
+        if self._parted is not None and not isinstance(record, StaticRecord):
+            fit, looked = self._parted.look(fit, sparse=self.sparse)
+            doubts += looked
         if not fit.passes:
-            wider = self._problem(record, report, wider=True).allowing(fit.problem.sensor_error)
+            wider = self._problem(record, report, wider=True, noise=fit.problem.noise).allowing(fit.problem.sensor_error)
             doubts[:0] = [reason] if (reason := likely_reason(fit, wider)) else []
         return self._answer(fit, doubts, wiring, unresolved)
 
@@ -303,10 +306,19 @@ class Twin:
             left_out |= {*FACTORS} if {*self.nuisances} & {*self._forward.inputs} else set()  # any load explains any of them
         return tuple(dict.fromkeys((*self.nuisances, *(name for name in given if name not in left_out))))
 
-    def _stages(self, record: ResponseRecord, report: Callable[[float, int], None]) -> list[RecordProblem]:
-        """Make the problems of longer and longer beginnings of a record."""
-        early = [self._problem(record, report, samples=samples) for samples in self._early_samples(record)]
-        return [*early, self._problem(record, report)]
+    def _searched(self, record: ResponseRecord, given: Vector | None, report: Progress) -> tuple[Fit, list[Fit]]:
+        """Search longer and longer beginnings of a record; noise that is not known becomes that of what is left."""
+        stages = [self._problem(record, report, samples=samples) for samples in [*self._early_samples(record), None]]
+        moving = not isinstance(record, StaticRecord)
+        one_valley = moving and stages[0].record.samples * record.step <= VALLEY * self._forward.period
+        fit, minima = search(stages, given, sparse=self.sparse, one_valley=one_valley)
+        for _ in range(ESTIMATES if moving and record.noise is None else 0):
+            problem = fit.problem
+            noise = np.fmin(problem.noise, problem.record.noise_deviation(problem.reading(fit.point)))
+            if not np.nanmin(noise / problem.noise) < SAME_NOISE:
+                break
+            fit = again(fit, self._problem(record, report, noise=noise).allowing(problem.sensor_error), sparse=self.sparse)
+        return fit, minima
 
     def _compared(self, record: ResponseRecord) -> int:
         """Return how many samples are compared: those that the discrepancy covers, or that do not take too many steps."""
@@ -327,22 +339,20 @@ class Twin:
     def _problem(
         self,
         record: ResponseRecord,
-        report: Callable[[float, int], None] = lambda *_: None,
+        report: Progress = lambda *_: None,
         groups: NDArray[np.int64] | None = None,
         *,
         samples: int | None = None,
         wider: bool = False,
+        noise: Vector | None = None,
     ) -> RecordProblem:
-        """Make the problem of what is compared of a record, or of its first samples; its noise is that of all of it.
-
-        Wider: with every nuisance that the structure has.
-        """
+        """Make the problem of what is compared of a record, or of its first samples; wider: with all nuisances there are."""
         compared = record.first(self._compared(record))
         return RecordProblem(
             self._sensed,
             compared if samples is None else compared.first(samples),
             self._nuisances(self._kinds(compared, wider=wider), compared),
-            record.noise_deviation(),
+            record.noise_deviation() if noise is None else noise,
             self.discrepancy,
             groups,
             None if (error := self._error_of(compared)) is None else error.components,
@@ -356,17 +366,25 @@ class Twin:
         read = partial(self._sensed.read, kind=record.kind, h=record.step)
         return self._mesh_error.of(record, read, healthy=self._healthy is not None)
 
-    def _other_wiring(self, record: ResponseRecord, fit: Fit, report: Callable[[float, int], None]) -> Wiring | None:
-        """Return another reading of a record that does not fit as it is, or None if none fits either."""
+    def _other_wiring(self, record: ResponseRecord, fit: Fit, report: Progress) -> Wiring | None:
+        """Return another reading of a record that does not fit as it is, or fits badly; None if none fits better."""
+        if fit.passes and (misfit(fit.problem, fit.point) < SUSPECT or isinstance(record, StaticRecord)):
+            return None
+        most = self._early_misfit(record, report) - SUSPECT if fit.passes else PASSING
         wirings = other_wirings(record.first(fit.problem.record.samples), fit.problem.reading(fit.point))
-        return best_wiring(wirings, [self._early_misfit(wiring.applied(record), report) for wiring in wirings])
+        wirings = [wiring for wiring in wirings if wiring.moved or not fit.passes]
+        return best_wiring(wirings, [self._early_misfit(wiring.applied(record), report) for wiring in wirings], most)
 
-    def _early_misfit(self, record: ResponseRecord, report: Callable[[float, int], None]) -> float:
+    def _early_misfit(self, record: ResponseRecord, report: Progress) -> float:
         """Return the misfit of the last early stage, or of a first one that is hopeless."""
         lengths = self._early_samples(record) or [self._compared(record)]
         early = [self._problem(record, report, samples=samples) for samples in lengths]
         found = begun(early, np.zeros(early[0].size), one_valley=True)
         return math.inf if found is None else found.misfit
+
+    @cached_property
+    def _parted(self) -> Parted | None:
+        return parted(self._forward)
 
     def _answer(self, fit: Fit, doubts: list[str], wiring: Wiring | None, unresolved: tuple[int, ...]) -> Answer:
         more, hidden = list[str](), False

@@ -1,0 +1,109 @@
+"""A second look at a fit: its columns are those of the structure, and what they explain is said."""
+
+import numpy as np
+import pytest
+from gossamer_models.membrane import square_structure
+from gossamer_models.membrane.gauges import gauge, stacked
+from gossamer_models.twin import MembraneForward, ResponseRecord, Twin
+from gossamer_models.twin.nuisances import BY_DEFAULT
+from gossamer_models.twin.second_look import PARTS, PLACE, Parted
+from scipy.signal import lfilter
+
+pytest.importorskip("ziglang", reason="the twin needs the compiler for its speed")
+
+SQUARE = square_structure(8, 1)
+STEP, STEPS, NOISE = 3e-4, 600, 1e-3
+
+
+@pytest.fixture(scope="module")
+def forward():
+    return MembraneForward(SQUARE)
+
+
+@pytest.fixture(scope="module")
+def parted(forward):
+    return Parted(forward)
+
+
+@pytest.fixture(scope="module")
+def columns(forward, parted):
+    record = ResponseRecord(step=STEP, values=forward.strain(np.zeros((1, 16)), {}, {}, STEPS, STEP)[0], noise=NOISE)
+    problem = Twin(SQUARE)._problem(record)
+    return parted.columns(problem, np.zeros(problem.size))
+
+
+def test_causes_have_the_symmetry_of_the_square(columns):
+    """A pressure that is tilted along x has the other sign for the mirrored sensors; one that flickers the same."""
+    along_x, along_y = columns["tilt"]
+    size = np.abs(columns["tilt"]).max()
+    np.testing.assert_allclose(along_x[0], -along_x[1], atol=5e-3 * size)
+    np.testing.assert_allclose(along_x[2], -along_x[3], atol=5e-3 * size)
+    np.testing.assert_allclose(along_y[0], -along_y[2], atol=5e-3 * size)
+    flicker = columns["flicker"]
+    np.testing.assert_allclose(flicker, flicker[:, [1, 0, 3, 2]], atol=5e-3 * np.abs(flicker).max())
+
+
+def test_parts_move_no_mean_and_places_are_those_of_moved_gauges(forward, parted, columns):
+    parts = parted.forward.structure
+    at = parts.zone_places.reshape(16, PARTS, 3).mean(axis=1)
+    np.testing.assert_allclose(at, SQUARE.zone_places, atol=1e-12)
+    side = SQUARE.mesh.size
+    moved = []
+    for sensor in SQUARE.setup.sensors:
+        point = np.array(sensor.point) + PLACE * side * np.array([-1.0, 0.0, 0.0])  # across the sensor
+        moved.append(gauge(SQUARE.mesh, point, np.array(sensor.direction), 0.0))
+    gauges = stacked(SQUARE.setup.sensors, moved, len(SQUARE.mesh.nodes))
+    there = MembraneForward(SQUARE, gauges=gauges).strain(np.full((1, 16), 1e-3), {}, {}, STEPS, STEP)[0]
+    here = forward.strain(np.full((1, 16), 1e-3), {}, {}, STEPS, STEP)[0]
+    slope = (there - here) / PLACE
+    for k in range(4):
+        np.testing.assert_allclose(columns["place"][4 + k, k], slope[k], atol=1e-6 * np.abs(slope).max())
+        assert not columns["place"][4 + k, [j for j in range(4) if j != k]].any()
+
+
+def test_damage_that_does_not_fill_its_zones_is_said_to_be_partial(parted):
+    """A band over half of four zones: its zones have their mean, as well as is stated, and are said to be partial."""
+    parts = np.zeros((16, PARTS))
+    middles = parted.forward.structure.zone_places[:, 1].reshape(16, PARTS)
+    upper = middles > middles.mean(axis=1, keepdims=True)
+    parts[4:8] = 0.4 * upper[4:8]
+    clean = parted.forward.strain(parts.reshape(1, -1), {}, {}, STEPS, STEP)[0, :4]
+    noise = NOISE * np.random.default_rng(1).standard_normal(clean.shape)
+    answer = Twin(SQUARE).fit(ResponseRecord(step=STEP, values=clean + noise, noise=NOISE))
+    assert any("does not fill" in doubt for doubt in answer.doubts)
+    error = np.abs(answer.damage - parts.mean(axis=1))
+    assert not (answer.valid and (answer.determined & (error > 0.05) & (error > 3.0 * answer.deviation)).any())
+
+
+def test_a_right_record_gets_no_second_explanation(forward):
+    damage = np.zeros((1, 16))
+    damage[0, [5, 10]] = 0.3, 0.15
+    clean = forward.strain(damage, {}, {}, STEPS, STEP)[0]
+    noise = NOISE * np.random.default_rng(2).standard_normal(clean.shape)
+    answer = Twin(SQUARE).fit(ResponseRecord(step=STEP, values=clean + noise, noise=NOISE))
+    assert answer.valid
+    assert not answer.doubts
+
+
+def test_noise_that_follows_itself_is_no_white_noise(forward):
+    """AR(1) noise as large as stated passes chi2, but its neighbours are alike."""
+    random, values = np.random.default_rng(3), forward.strain(np.zeros((1, 16)), {}, {}, STEPS, STEP)[0]
+    noise = lfilter([np.sqrt(1.0 - 0.9**2)], [1.0, -0.9], random.standard_normal(values.shape))
+    answer = Twin(SQUARE, known=BY_DEFAULT).fit(ResponseRecord(step=STEP, values=values + NOISE * noise, noise=NOISE))
+    assert not answer.valid
+    assert any("no white noise" in doubt for doubt in answer.doubts)
+
+
+@pytest.mark.parametrize("noise", [1e-5, 1e-3])
+def test_noise_is_that_of_what_a_fit_leaves(forward, noise):
+    """The record's own high frequencies are no noise: differences of the record itself show 3e-4."""
+    damage = np.zeros((1, 16))
+    damage[0, 5] = 0.3
+    clean = forward.strain(damage, {}, {}, STEPS, STEP)[0]
+    record = ResponseRecord(step=STEP, values=clean + noise * np.random.default_rng(4).standard_normal(clean.shape))
+    answer = Twin(SQUARE).fit(record)
+    left = answer.record.noise_deviation(answer.predicted)
+    np.testing.assert_allclose(left, noise, rtol=0.2)
+    assert answer.valid
+    assert abs(answer.damage[5] - 0.3) < 3.0 * answer.deviation[5]
+    assert answer.deviation[5] < 10.0 * noise
