@@ -115,7 +115,7 @@ _MAPPING = "application/x-ssp-parameter-mapping"
 
 
 @dataclass(frozen=True)
-class Given:
+class BoundValue:
     """A value, the definition of its unit or None, and gain and bias of a Real whose unit is converted."""
 
     value: Value
@@ -129,9 +129,9 @@ class Given:
         return self.gain * (factor * float(self.value) + offset) + self.bias
 
 
-def read_bindings(files: SspFiles, element: Any, owner: str) -> dict[str, Given]:  # noqa: ANN401
+def read_bindings(files: SspFiles, element: Any, owner: str) -> dict[str, BoundValue]:  # noqa: ANN401
     """Return the values that the bindings of a component or system give, by name; later ones replace earlier ones."""
-    found: dict[str, Given] = {}
+    found: dict[str, BoundValue] = {}
     for binding in element.iterfind("{*}ParameterBindings/{*}ParameterBinding"):
         label = f"a parameter binding of {owner}"
         values = _content(files, binding, _SET, "{*}ParameterValues/{*}", "ParameterSet", label)
@@ -185,20 +185,20 @@ def _content(files: SspFiles, element: Any, kind: str, inside: str, wanted: str,
     return element.find(inside + wanted)
 
 
-def _parameters(files: SspFiles, values: Any, prefix: str, label: str) -> dict[str, Given]:  # noqa: ANN401
+def _parameters(files: SspFiles, values: Any, prefix: str, label: str) -> dict[str, BoundValue]:  # noqa: ANN401
     units = definitions(files, values)
     found = {}
     for parameter in values.iterfind("{*}Parameters/{*}Parameter"):
         content = parameter[0]
         name, kind, text = prefix + parameter.attrib["name"], etree.QName(content).localname, content.get("value")
         try:
-            found[name] = Given(convert(kind, text or ""), units.get(content.get("unit", "")))
+            found[name] = BoundValue(convert(kind, text or ""), units.get(content.get("unit", "")))
         except (ValueError, KeyError):
             files.refuse(f"{label}: {name!r} is {text!r}, which is no {kind}", "Give a Real, Integer, Boolean or String")
     return found
 
 
-def _renamed(files: SspFiles, found: dict[str, Given], mapping: Any, label: str) -> dict[str, Given]:  # noqa: ANN401
+def _renamed(files: SspFiles, found: dict[str, BoundValue], mapping: Any, label: str) -> dict[str, BoundValue]:  # noqa: ANN401
     """Rename and transform values; what a mapping does not name keeps its name, as OMSimulator does it."""
     entries = _content(files, mapping, _MAPPING, "{*}", "ParameterMapping", f"the mapping of {label}")
     if entries is None:
@@ -213,5 +213,5 @@ def _renamed(files: SspFiles, found: dict[str, Given], mapping: Any, label: str)
         kind, gain, bias, converts = transformation(entry)
         if kind and (kind != "LinearTransformation" or not isinstance(given.value, float)):
             files.refuse(f"the mapping to {target!r} has a {kind}", "Use a linear transformation of a Real")
-        renamed[target] = Given(given.value, given.unit if converts else None, gain, bias)
+        renamed[target] = BoundValue(given.value, given.unit if converts else None, gain, bias)
     return renamed

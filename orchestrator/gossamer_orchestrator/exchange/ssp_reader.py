@@ -32,7 +32,7 @@ from ..scenario.connections import find_cycle, sort_components
 from ..scenario.load import make_scenario
 from ..scenario.schema import Connection, Scenario, Value
 from ..scenario.source import Source
-from .ssp_files import ANNOTATION, KEPT, SSP, STRUCTURE, Given, SspFiles, definitions, read_bindings, transformation
+from .ssp_files import ANNOTATION, KEPT, SSP, STRUCTURE, BoundValue, SspFiles, definitions, read_bindings, transformation
 
 logger = logging.getLogger(__name__)
 
@@ -78,8 +78,8 @@ class Network:
         self.kinds: dict[Node, str] = {}
         self.units: dict[Node, Any] = {}
         self.feeds: dict[Node, Feed] = {}
-        self.values: dict[Node, Given] = {}
-        self._bound: list[tuple[str, Given]] = []
+        self.values: dict[Node, BoundValue] = {}
+        self._bound: list[tuple[str, BoundValue]] = []
         self._read_system(root.find("{*}System"), (), definitions(files, root))
         if not self.fmus:
             files.refuse("it holds no FMU", "Add one")
