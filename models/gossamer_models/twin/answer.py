@@ -177,12 +177,12 @@ def answer_of(
     np.fill_diagonal(damages, deviation[:zones] ** 2)
     per_sample, bound = fit.per_sample, chi2_bound(problem)
     said, valid = list(doubts), fit.passes and not hidden and (wiring is None or not wiring.moved)
+    said += [fit.oddity] if fit.oddity else []
     if not fit.passes:
         said.append(
             f"the twin does not explain the record: chi2 per sample is {per_sample:.3g}, its bound {bound:.3g}. Check "
             "load, damping, sensors and noise"
         )
-    said += [fit.oddity] if fit.oddity else []
     said += [*problem.nuisances.far(x[zones:]), *more]
     reading = problem.reading(fit.point)
     shares: Shares = ()
