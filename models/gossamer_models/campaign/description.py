@@ -26,7 +26,9 @@ Pair = tuple[float, float]
 MOST_STEPS = 1_000_000
 MOST_CASES_PER_CHUNK = 4096
 DEEPEST = 0.95  # largest damage that the membrane takes [1]
-SENSOR_GAIN, NOISE, LOAD = "sensor_gain", "noise", "load"
+SENSOR_GAIN = "sensor_gain"
+NOISE = "noise"
+LOAD = "load"
 OF_NO_VARIABLE = (SENSOR_GAIN, NOISE, LOAD)  # factors [1] that can vary
 ONSET = "onset"
 
