@@ -253,9 +253,9 @@ def place_sensors(
     set
         A parameter or input of the membrane; may be repeated.
     load
-        CSV table of the loads and motions that act: columns of inputs of the membrane with units, base_acceleration[1]
-        [m/s2], beside time, which begins at rest under the first row and is repeated after the last, or beside state, a
-        name for the state of rest that each row is.
+        CSV table of the loads and motions that act: columns of inputs of the membrane with their units, for instance an
+        acceleration in m/s2, beside time, which begins at rest under the first row and is repeated after the last, or
+        beside state, a name for the state of rest that each row is.
     known
         What is known exactly of amplitude, that of all loads, and damping; with commas between, or all.
     stop
