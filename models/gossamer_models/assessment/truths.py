@@ -99,8 +99,7 @@ def quartered(mesh: Mesh, parts: int = QUARTERS) -> Mesh:
     """Return the membrane with every element in four and every zone in some parts; 0 for whole zones."""
     structure = mesh.structure
     own = as_setup(mesh)
-    each = structure.zone[np.concatenate([block.combination for block in structure.elements])]
-    groups = {f"zone {k}": np.flatnonzero(each == k) for k in range(structure.n_zones)}
+    groups = structure.zone_groups
     finer = refined(replace(structure.mesh, faces=structure.mesh.faces | groups), structure.setup.order)
     assert own.setup is not None
     setup = replace(own.setup, zones=tuple(Zone(group=group, parts=parts) for group in groups), refine=0)
@@ -109,7 +108,7 @@ def quartered(mesh: Mesh, parts: int = QUARTERS) -> Mesh:
 
 def whole_zones(structure: Structure, damage: Matrix) -> Matrix:
     """Return the mean over the area of each zone, shape (n, z), of the damage of its parts, shape (n, QUARTERS z)."""
-    part = structure.zone[np.concatenate([block.combination for block in structure.elements])]
+    part = structure.zone_of_elements
     area = np.bincount(part[part >= 0], structure.areas[part >= 0]).reshape(-1, QUARTERS)
     return np.asarray((damage.reshape(len(damage), -1, QUARTERS) * area).sum(axis=2) / area.sum(axis=1))
 

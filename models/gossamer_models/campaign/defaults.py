@@ -13,7 +13,8 @@ from gossamer_files.options import option
 
 from ..errors import ParameterError
 from ..membrane import Structure, first_period
-from .description import CampaignPlan, Damage, Distribution, MeasurementNoise, Mesh
+from .description import CampaignPlan, Damage, Distribution, MeasurementNoise
+from .mesh import Mesh
 
 CASES = 4000
 NOISE = 1e-4  # of a sample of strain [1], as of a good gauge

@@ -181,7 +181,7 @@ class Structure:
                 f"Its elements are flatter than the surface: about {100.0 * self.chord_error:.1f} % of a volume is lost. "
                 "Mesh more finely, or with quadrilaterals of 9 nodes and order = 2 or more."
             )
-        outside = self.zone[np.concatenate([block.combination for block in self.elements])] < 0
+        outside = self.zone_of_elements < 0
         if self.n_zones and np.any(outside):
             share = 100.0 * self.areas[outside].sum() / self.areas.sum()
             found.append(f"{outside.sum()} faces, {share:.2g} % of the area, are in no zone: nothing finds damage there.")
@@ -197,11 +197,22 @@ class Structure:
         """Number of strain gauges."""
         return len(self.setup.sensors)
 
+    @property
+    def zone_of_elements(self) -> Integers:
+        """Zone of each element, from 0, in the order of the faces of the file; -1 outside of all."""
+        return np.asarray(self.zone[np.concatenate([block.combination for block in self.elements])])
+
+    @property
+    def zone_groups(self) -> dict[str, Integers]:
+        """Faces of each zone by ``zone 0``, ``zone 1``, ..., as groups of a mesh."""
+        zone = self.zone_of_elements
+        return {f"zone {k}": np.flatnonzero(zone == k) for k in range(self.n_zones)}
+
     @cached_property
     def zone_places(self) -> Vector:
         """Middles of the zones on the reference shape [m], shape (zones, 3)."""
         middles = np.concatenate([self.mesh.nodes[block.nodes].mean(axis=1) for block in self.elements])
-        zone = self.zone[np.concatenate([block.combination for block in self.elements])]
+        zone = self.zone_of_elements
         return np.array([np.average(middles[zone == k], axis=0, weights=self.areas[zone == k]) for k in range(self.n_zones)])
 
     @property
@@ -217,8 +228,7 @@ class Structure:
         """
         zones, mesh, raised = self.setup.zones, self.mesh, self.setup.order > 1
         if any(zone.parts for zone in zones):
-            each = self.zone[np.concatenate([block.combination for block in self.elements])]
-            groups = {f"zone {k}": np.flatnonzero(each == k) for k in range(self.n_zones)}
+            groups = self.zone_groups
             zones = tuple(Zone(group=group, name=name) for group, name in zip(groups, self.zone_names, strict=True))
             mesh = replace(mesh, faces=mesh.faces | groups)
         order = self.setup.order + 2 * raised

@@ -84,7 +84,7 @@ class Parted:
     def __init__(self, forward: MembraneForward) -> None:
         self._own, structure = forward, forward.structure
         mesh, order = structure.mesh, structure.setup.order
-        zone = structure.zone[np.concatenate([block.combination for block in structure.elements])]
+        zone = structure.zone_of_elements
         if np.bincount(zone[zone >= 0]).min() < PARTS:
             if any(load.kind == "force" for load in structure.setup.loads):
                 msg = "forces on nodes belong to one mesh. Mesh the zones with four elements each, or more."
