@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -22,7 +22,7 @@ from gossamer_models.sensor import default_artifact
 from gossamer_models.step_model import StepModel
 from gossamer_models.twin import ResponseRecord, Twin
 from gossamer_models.twin.simulation import SensorBank
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .runge_kutta import runge_kutta_membrane
 from .specimen.flight import calibrated_sensor, flown_resistance
@@ -55,10 +55,17 @@ def cases(count: int, seed: int = 7, most: int = 4) -> Array:
     return damage
 
 
-def strain(damage: Array, model: StepModel, noise: float = NOISE, load: bool = False, thirds: int = 1) -> Array:
-    """Simulate strain with noise, shape (n, 4, steps); with load, damping, modulus and gain varied if asked."""
+def strain(
+    damage: Array,
+    model: StepModel,
+    noise: float = NOISE,
+    load: bool = False,
+    thirds: int = 1,
+    given: Mapping[str, float] | None = None,
+) -> Array:
+    """Simulate strain with noise, shape (n, 4, steps); with load, damping, modulus and gain varied if asked, or as given."""
     random = np.random.default_rng(len(damage))
-    start: dict[str, Array] = {"damage": damage}
+    start: dict[str, ArrayLike] = {"damage": damage, **(given or {})}
     gain: Array = np.ones((len(damage), 4, 1))
     if load:
         u = random.uniform(-1.0, 1.0, (4, len(damage)))

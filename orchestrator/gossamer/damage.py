@@ -218,11 +218,13 @@ def twin(
             whole=stop is not None,
         )
         bar.update(text="what the sensors tell apart,")
-        for sentence in fitting.untold(found.record):
+
+        def simulating(seconds: float, made: int) -> None:
+            bar.update(text=f"{seconds:.3g} s of the record, {made} simulations,")
+
+        for sentence in fitting.untold(found.record, simulating):
             say(sentence)
-        answer = fitting.fit(
-            found.record, report=lambda seconds, made: bar.update(text=f"{seconds:.3g} s of the record, {made} simulations,")
-        )
+        answer = fitting.fit(found.record, report=simulating)
     shown = answer.valid or show_invalid
     logger.info("%d simulations for %d values", answer.simulations, answer.samples)
     with replacing(path) as unfinished:

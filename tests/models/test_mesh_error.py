@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from gossamer_models import DataError, ParameterError
 from gossamer_models.membrane import Region, Sensor, Setup, Support, Zone, make_structure, surface_mesh
-from gossamer_models.twin import MembraneForward, MeshErrors, StaticRecord, Twin, mesh_error
+from gossamer_models.sensor import default_artifact
+from gossamer_models.twin import MembraneForward, MeshErrors, StaticRecord, Twin, discrepancy, mesh_error
+from gossamer_models.twin.simulation import SensorBank
 from oracles.meshes import meshed, rectangle
 
 FILM = Region(youngs_modulus=1e7, poisson_ratio=0.3, density=1e3, thickness=1e-3, prestress=(5e4, 5e4, 0.0))
@@ -130,3 +132,26 @@ def test_the_error_behind_sensors_is_one_of_what_they_read(coarse):
         MembraneForward(each).states(np.zeros((1, 4)), {}, {"pressure": PRESSURE})[0] for each in (coarse, coarse.finer())
     )
     np.testing.assert_allclose(behind.finer[0], (1.0 + 50.0 * two) ** 2 - (1.0 + 50.0 * one) ** 2, rtol=1e-3, atol=1e-7)
+
+
+def test_what_a_square_lacks_behind_sensors_is_learned_of_what_they_read_and_kept(monkeypatch):
+    """Of pairs that it was not learned from, the covariance explains most; another sensor needs no further simulations."""
+    pytest.importorskip("ziglang", reason="simulations need the compiler for their speed")
+    monkeypatch.setattr(discrepancy, "CHUNKS", 4)
+    length, steps = 20 * discrepancy.SPACING, 222
+    strain = discrepancy.Discrepancy(
+        elements_per_side=4, order=1, length=length, components=np.zeros((1, 4, 23)), provenance={}
+    )
+    bank = SensorBank(default_artifact(), 4, 0.02)
+    behind = strain.behind(bank)
+    other = discrepancy.simulated_pairs(7, 4, 1, steps)
+    delta = [bank.read(other["strain"] + more * other["difference"], discrepancy.STEP)[0] for more in (1.0, 0.0)]
+    Q = np.linalg.qr(discrepancy.spline_matrix(steps, discrepancy.STEP, length))[0]
+    c, known = ((y @ Q).reshape(len(y), -1) for y in (delta[0] - delta[1], behind.basis(steps, discrepancy.STEP)))
+    assert 0.5 < np.mean(c**2) / np.mean(np.sum(known**2, axis=0)) < 2.0
+    assert np.mean(np.sum(c.T * np.linalg.solve(known.T @ known, c.T), axis=0)) < 2.0 * c.shape[1]
+    monkeypatch.setattr(discrepancy, "simulated_pairs", None)
+    assert np.array_equal(strain.behind(bank).components, behind.components)
+    another = strain.behind(SensorBank(default_artifact(), 4, 0.02, {"full_scale_resistance_change": 10.0}))
+    assert another.components.shape == behind.components.shape
+    assert not np.allclose(another.components, behind.components)

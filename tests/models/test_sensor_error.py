@@ -8,6 +8,7 @@ from gossamer_models.errors import ParameterError
 from gossamer_models.membrane import square_structure
 from gossamer_models.sensor import default_artifact
 from gossamer_models.twin import MembraneForward, ResponseRecord, Twin
+from gossamer_models.twin.discrepancy import SPACING, Discrepancy
 from gossamer_models.twin.sensor_error import GROUPS, SensorError, likeliest_scales
 from gossamer_models.twin.simulation import SensedForward, SensorBank
 
@@ -122,6 +123,22 @@ def test_no_answer_is_valid_where_a_sensor_is_far_off_its_model(square):
     assert not answer.valid
     assert answer.sensor_errors[0] > 0.2
     assert any("sensor 1 is" in doubt for doubt in answer.doubts)
+
+
+def test_where_the_error_of_the_mesh_was_learned_behind_sensors_they_have_to_keep_to_their_model(square, monkeypatch):
+    """A mesh without an error; all sensors are some percent of their range off, so that none contradicts the others."""
+    _, _, exact = square
+    monkeypatch.setattr(Discrepancy, "behind", lambda self, *_: replace(self, kind="resistance"))
+    length, n = 20 * SPACING, 222
+    learned = Discrepancy(elements_per_side=4, order=1, length=length, components=np.zeros((1, 4, 23)), provenance={})
+    values = exact[:, :n] + 1e-3 * np.ptp(exact) * np.random.default_rng(2).standard_normal((4, n))
+    span = np.ptp(values, axis=1, keepdims=True)
+    values += 0.1 * span * np.tanh(6.0 * (values - values.mean(axis=1, keepdims=True)) / span)
+    twin = Twin(square_structure(4, 1), sensor=default_artifact(), nuisances=["sensor"], discrepancy=learned)
+    answer = twin.fit(ResponseRecord(step=3e-4, values=values, kind="resistance", noise=1e-3 * np.ptp(exact)))
+    assert max(answer.sensor_errors) > 0.01
+    assert not answer.valid
+    assert any("the mesh's error is known behind sensors that are 0.5 % off at most" in doubt for doubt in answer.doubts)
 
 
 def test_sensors_of_strain_have_no_error_of_their_own(square):

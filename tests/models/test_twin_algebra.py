@@ -95,6 +95,19 @@ def test_a_learned_covariance_is_that_of_its_pairs():
         learn(delta[:10], h)
 
 
+def test_a_shrunk_covariance_keeps_its_diagonal():
+    """On splines that are orthonormal at the samples, as the covariance is shrunk there."""
+    random = np.random.default_rng(5)
+    n, h = 120, 8 * SPACING / 120
+    Q = np.linalg.qr(spline_matrix(n, h, n * h))[0]
+    c = random.standard_normal((80, 2, Q.shape[1])) + random.standard_normal((80, 1, 1))
+    components = learn(c @ Q.T, h, share=1.0, shrunk=0.3)
+    found = Discrepancy(elements_per_side=4, order=4, length=n * h, components=components, provenance={}).basis(n, h) @ Q
+    flat, own = found.reshape(len(found), -1), c.reshape(len(c), -1)
+    S = own.T @ own / len(c)
+    np.testing.assert_allclose(flat.T @ flat, np.where(np.eye(len(S), dtype=bool), S, 0.7 * S), atol=1e-10)
+
+
 def test_the_shipped_discrepancy_survives_writing_and_refuses_another_file(tmp_path):
     shipped = default_discrepancy()
     assert (shipped.elements_per_side, shipped.order, shipped.length) == (4, 4, 0.3)

@@ -22,6 +22,7 @@ DETERMINED = 0.02  # deviation of a damage that is answered with a value
 WIDTH = 1.96  # deviations to each side of the bounds, 95 %
 UNLIKELY = 1e-4  # sets of zones whose covariance does not count
 OFF = 0.2  # of the range: no answer is valid where a sensor is further off its model
+OFF_BEHIND = 0.005  # the same where the mesh's error was learned behind sensors that keep to it
 OF_ZONES = ("damage", "deviation", "probability", "covariance", "bounds")
 
 
@@ -188,13 +189,17 @@ def answer_of(
     shares: Shares = ()
     offsets: Shares = ()
     if problem.sensor_error is not None:
+        most = OFF_BEHIND if problem.learned_behind else OFF
+        known = (
+            f"; the mesh's error is known behind sensors that are {100.0 * most:g} % off at most" * problem.learned_behind
+        )
         shares, offsets = problem.sensor_error.off(problem.record.values, reading, problem.weigh_alone())
         said += [
-            f"sensor {k} is {100.0 * share:.2g} % of its range off its model. Check its place, or identify it again"
+            f"sensor {k} is {100.0 * share:.2g} % of its range off its model{known}. Check its place, or identify it again"
             for k, share in enumerate(shares, 1)
-            if share is not None and share > OFF
+            if share is not None and share > most
         ]
-        valid = valid and max(share or 0.0 for share in shares) <= OFF
+        valid = valid and max(share or 0.0 for share in shares) <= most
     return Answer(
         zones=problem.model.zones,
         damage=x[:zones][groups],

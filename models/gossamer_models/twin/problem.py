@@ -211,6 +211,8 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         Standard deviation of the noise.
     sensor_error : SensorError or None
         How far the sensors may be off their identified model, if that is a nuisance.
+    learned_behind : bool
+        Whether the error of the mesh was learned of what sensors read that keep to their model.
     """
 
     def __init__(
@@ -231,16 +233,17 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         self.simulations, self._report, self._counting = 0, report, Lock()
         self._known: dict[bytes, tuple[Matrix, Matrix]] = {}
         self.noise, self._splines, self.sensor_error = noise, None, None
-        behind = record.kind == "resistance" and (discrepancy is not None or SENSOR in nuisances.kinds)
-        undamaged = require_finite(self._simulated(np.zeros((1, self.size)))[0]) if behind else None
         self._components = np.zeros((0, *record.values.shape))
+        self.learned_behind = discrepancy is not None and discrepancy.kind == "resistance"
         if discrepancy is not None:
             self._splines = spline_matrix(record.samples, record.step, discrepancy.length)
-            self._components = self._as_read(discrepancy.basis(record.samples, record.step), undamaged)
+            basis = discrepancy.basis(record.samples, record.step)
+            self._components = basis if self.learned_behind else self.columns_as_read(basis, np.zeros(self.size))
         elif error is not None:
             self._components = error[:, :, record.state if isinstance(record, StaticRecord) else slice(record.samples)]
-        if undamaged is not None and SENSOR in nuisances.kinds:
-            self.sensor_error = self._error_along(undamaged, self.sensed.resistance(undamaged, record.step)[0])
+        if SENSOR in nuisances.kinds:
+            strain, reading = self._simulated(np.zeros((1, self.size)))
+            self.sensor_error = self._error_along(require_finite(strain), reading[0])
         self._weigh_anew()
 
     def allowing(self, error: SensorError | None) -> RecordProblem:
@@ -332,7 +335,11 @@ class RecordProblem(DamageUnknowns, LeastSquares):
 
     def columns_as_read(self, columns: Matrix, x: Vector) -> Matrix:
         """Return small changes of the strain [1] about unknowns as changes of the record, shape (k, s, n)."""
-        return self._as_read(columns, self._simulated(x[None])[0] if self.record.kind == "resistance" else None)
+        if self.record.kind == "strain":
+            return columns
+        strain = require_finite(self._simulated(x[None])[0])[:, :, : self.record.samples]
+        both = self.sensed.resistance(np.concatenate([strain, strain + columns]), self.record.step)
+        return both[1:] - both[:1]
 
     def beside(self, components: Matrix) -> RecordProblem:
         """Return the problem with more components of an error of the model, in the record's unit, shape (k, s, n)."""
@@ -340,14 +347,6 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         found._components = np.concatenate([self._components, components])
         found._weigh_anew()
         return found
-
-    def _as_read(self, error: Matrix, strain: Matrix | None) -> Matrix:
-        """Return components of an error of strain in the unit of the record, at its samples; about a strain."""
-        if strain is None:
-            return error
-        strain = strain[:, :, : self.record.samples]
-        both = self.sensed.resistance(np.concatenate([strain, strain + error]), self.record.step)
-        return both[1:] - both[:1]
 
     def _read(self, predicted: Matrix, z: Matrix) -> Matrix:
         return self.nuisances.read(predicted, self._zero, self._scale, z)[:, :, : self.record.samples]

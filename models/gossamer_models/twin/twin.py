@@ -62,10 +62,6 @@ SUSPECT = 0.5  # deviations of chi2 above the expected one from which on wirings
 Progress: TypeAlias = Callable[[float, int], None]  # length of the record [s], and simulations that were made
 ESTIMATES, SAME_NOISE = 2, 0.9  # of noise from what a fit leaves, while it falls below this share
 WIRED = 20.0  # of chi2: what another wiring of a record that fits must explain
-BEHIND = (
-    "the error of the mesh was learned of strain. Behind sensors that are off their model it is not known, so no answer "
-    "is valid"
-)
 
 
 class Twin:
@@ -142,6 +138,7 @@ class Twin:
         if discrepancy == "learned":
             discrepancy = default_discrepancy() if is_learned(self._forward) else None
         self.discrepancy = discrepancy
+        self._behind: Discrepancy | None = None
         if healthy is not None and (mesh_error is None or discrepancy is not None):
             msg = (
                 "a healthy record does not tell what damage does on a finer mesh, so it is taken from others only where the "
@@ -219,13 +216,15 @@ class Twin:
             doubts[:0] = [reason] if (reason := likely_reason(fit, wider)) else []
         return self._answer(fit, doubts, wiring, unresolved)
 
-    def untold(self, record: ResponseRecord) -> list[str]:
+    def untold(self, record: ResponseRecord, report: Callable[[float, int], None] = lambda *_: None) -> list[str]:
         """Say which zones a record cannot tell, from derivatives about no damage, before anything is fitted.
 
         Parameters
         ----------
         record : ResponseRecord
             As of ``fit``; it costs a simulation for each zone.
+        report : callable, optional
+            As of ``fit``.
 
         Returns
         -------
@@ -238,7 +237,7 @@ class Twin:
             As ``fit``.
         """
         record = self._usable(record)[0]
-        problem = self._problem(record)
+        problem = self._problem(record, report)
         (point,) = problem.points(np.zeros((1, problem.size)))
         free = np.ones(problem.size, dtype=bool)
         A = problem.about(point, free, problem.derivatives(point, free)).A
@@ -353,11 +352,19 @@ class Twin:
             compared if samples is None else compared.first(samples),
             self._nuisances(self._kinds(compared, wider=wider), compared),
             record.noise_deviation() if noise is None else noise,
-            self.discrepancy,
+            self._discrepancy_of(report),
             groups,
             None if (error := self._error_of(compared)) is None else error.components,
             report,
         )
+
+    def _discrepancy_of(self, report: Callable[[float, int], None]) -> Discrepancy | None:
+        """Return what finer meshes would add: where sensors may be off their model, to what they read."""
+        if self.discrepancy is None or SENSOR not in self.nuisances:
+            return self.discrepancy
+        if self._behind is None:
+            self._behind = self.discrepancy.behind(self._sensed.require_bank(), report)
+        return self._behind
 
     def _error_of(self, record: ResponseRecord) -> MeshError | None:
         """Return the error of the mesh under the loads of a record, where no discrepancy stands for it."""
@@ -390,7 +397,4 @@ class Twin:
         more, hidden = list[str](), False
         if self._mesh_error is not None and (error := self._error_of(fit.problem.record)) is not None:
             more, hidden = self._mesh_error.doubts(error), error.buries
-        if fit.problem.sensor_error is not None and self.discrepancy is not None:
-            more.append(BEHIND)
-            hidden = True
         return answer_of(fit, doubts, more, wiring, unresolved, sparse=self.sparse, hidden=hidden)
