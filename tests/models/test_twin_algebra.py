@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from gossamer_models import ArtifactError, DataError
 from gossamer_models.twin.discrepancy import SPACING, Discrepancy, default_discrepancy, learn, spline_matrix
-from gossamer_models.twin.least_squares import PRIOR_DEVIATION, Quadratic, bounded_minimum
+from gossamer_models.twin.least_squares import PRIOR_DEVIATION, LeastSquares, Quadratic, bounded_minimum, descend
 from gossamer_models.twin.problem import RecordWeights
+from gossamer_models.twin.search import Fit, with_rivals
 from gossamer_models.twin.zone_sets import ODDS, Box, alternatives
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -59,6 +60,38 @@ def test_a_set_that_was_fitted_by_itself_counts_as_it_was_found():
     assert (best == other).all()
     assert move == pytest.approx([-0.3, 0.2])
     assert again.probability[1] > 0.8
+
+
+class TwoValleys(LeastSquares):
+    """Two zones that read much alike; what the second one adds bends back, so that its valley cannot be seen."""
+
+    def __init__(self, damage):
+        self.low, self.high, self.prior, self.steps = np.zeros(2), np.full(2, 0.95), np.full(2, 1e-9), np.full(2, 1e-6)
+        self.simulated = self.size = self.zones = 2
+        self.y, self.values = np.zeros(3), 3
+        self.y = self.weigh(self.predict(np.array([damage])), np.zeros((1, 2)))[0]
+
+    def predict(self, x):
+        first, second = x.T
+        return np.stack([first + second, 0.3 * first, (5.0 / 3.0) * second * (second - 0.3)], axis=1)[:, None]
+
+    def weigh(self, predicted, _):
+        return 100.0 * predicted[:, 0]
+
+
+def test_a_zone_that_reads_much_like_the_damaged_one_is_tried_with_all_of_its_damage():
+    problem, first = TwoValleys([0.0, 0.3]), np.array([True, False])
+    found = descend(problem, np.array([0.2, 0.0]), first)
+    J = problem.derivatives(found.point, np.ones(2, dtype=bool))
+    model = problem.about(found.point, np.ones(2, dtype=bool), J)
+    fit = Fit(problem, found.point, model, first, np.inf, J)
+    assert found.point.chi2 > 50.0
+    assert not fit.likely.rivals(first, Box(np.ones(2, dtype=bool), -found.point.x, 0.95 - found.point.x))
+    best = with_rivals(fit)
+    assert best.point.x == pytest.approx([0.0, 0.3], abs=1e-3)
+    (kept, chi2, _), *_ = best.rivals
+    assert kept.tolist() == [True, False]
+    assert chi2 == found.point.chi2
 
 
 def test_splines_weigh_by_the_inverse_of_the_covariance():

@@ -22,7 +22,7 @@ from .least_squares import NEGLIGIBLE, Minimum, Point, Quadratic, change, descen
 from .nuisances import BEYOND, FACTORS, MODULUS
 from .problem import RecordProblem
 from .record import LEAST_SAMPLES
-from .zone_sets import THRESHOLD, Alternatives, Box, alternatives, drop_zones, price
+from .zone_sets import MOST_RIVALS, THRESHOLD, Alternatives, Box, alternatives, drop_zones, price
 
 S = TypeVar("S")
 T = TypeVar("T")
@@ -39,6 +39,7 @@ MOST_STEPS = 12  # of one descent
 FEW_STEPS = 2  # where it is hopeless
 ROUNDS = 12  # of the scales of the errors of the sensors
 RIVAL_STEPS = 4  # of the descent of another set of zones
+ALIKE = 0.8  # cosine of the derivatives by two zones of which one is tried in place of the other
 
 
 @dataclass(frozen=True)
@@ -250,7 +251,7 @@ def _ended(whole: RecordProblem, start: Begun, *, sparse: bool) -> Fit | None:
             if told.worth > fit.worth - ROUGH:
                 break
             fit = told
-        return _with_rivals(fit) if sparse and fit.passes else fit
+        return with_rivals(fit) if sparse and fit.passes else fit
     except ConvergenceError:
         return None
 
@@ -335,20 +336,22 @@ def _over_all(problem: RecordProblem, found: Minimum, kept: Rows) -> tuple[Quadr
     return problem.about(found.point, np.ones(problem.size, dtype=bool), J), J
 
 
-def _with_rivals(fit: Fit) -> Fit:
+def with_rivals(fit: Fit) -> Fit:
     """Fit the sets of zones that may be as good by themselves; return the best fit, with the others as its rivals.
 
-    Where another zone takes the place of one, damages move far, and the quadratic model of chi2 is wrong by some tens.
+    Where another zone takes the place of one, damages move far, and the quadratic model of chi2 is wrong by some tens; where
+    a zone reads much like a damaged one, chi2 may have a valley for each, so that it is tried with all of the damage.
     """
     whole, likely = fit.problem, fit.likely
     limits, ends = box(whole, fit.point.x), [(fit.kept, fit.point.chi2, fit.point.x)]
-    for k in likely.rivals(fit.kept, limits):
-        x = _moved(whole, fit.point.x, likely.move[k], likely.kept[k])
+    moved = [(likely.kept[k], likely.move[k]) for k in likely.rivals(fit.kept, limits)]
+    starts = [(kept, _moved(whole, fit.point.x, move, kept)) for kept, move in moved]
+    for kept, x in [*starts, *_exchanged(fit)]:
         try:
-            point = descend(whole, x, likely.kept[k], RIVAL_STEPS, enough=ROUGH).point
+            point = descend(whole, x, kept, RIVAL_STEPS, enough=ROUGH).point
         except ConvergenceError:  # no reason to lose the fit
             continue
-        ends.append((likely.kept[k], point.chi2, point.x))
+        ends.append((kept, point.chi2, point.x))
     worth = [chi2 + price(fit.model, limits, kept) for kept, chi2, _ in ends]
     best = int(np.argmin(worth))
     rivals = tuple(each for k, each in enumerate(ends) if k != best)
@@ -358,6 +361,20 @@ def _with_rivals(fit: Fit) -> Fit:
     found = descend(whole, x, kept)
     model, J = _over_all(whole, found, kept)
     return replace(fit, point=found.point, model=model, J=J, kept=kept, rivals=rivals)
+
+
+def _exchanged(fit: Fit) -> list[tuple[Rows, Vector]]:
+    """Return sets and unknowns in which a zone has the damage of one that reads much like it, the most alike first."""
+    J, kept = fit.J[:, : fit.problem.zones], fit.kept[: fit.problem.zones]
+    J = J / np.maximum(np.linalg.norm(J, axis=0), NEGLIGIBLE)
+    alike = np.where(kept[:, None] & ~kept, J.T @ J, 0.0)
+    starts = []
+    for k in np.argsort(-alike, axis=None)[: min(MOST_RIVALS, np.count_nonzero(alike > ALIKE))]:
+        order = np.arange(fit.kept.size)
+        pair = np.array(np.unravel_index(k, alike.shape))
+        order[pair] = pair[::-1]
+        starts.append((fit.kept[order], fit.point.x[order]))
+    return starts
 
 
 def _common_as_modulus(problem: RecordProblem, x: Vector) -> Vector:
