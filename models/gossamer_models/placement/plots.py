@@ -58,7 +58,8 @@ def _curve(found: Placing) -> list[Chart]:
     """Draw the deviation of the worst zone over the number of sensors."""
     counts, worst = np.array(found.curve, dtype=float).reshape(-1, 2).T
     traces = [points("worst zone", counts, 100.0 * worst, "@0")]
-    layout = {"xaxis": {"type": "log"}, "yaxis": {"type": "log"}}
+    texts = {"x": [f"{count:g}" for count in counts], "y": sorted({f"{float(f'{100.0 * each:.1g}'):g}" for each in worst})}
+    layout = {f"{a}axis": {"type": "log", "tickvals": [*map(float, t)], "ticktext": t} for a, t in texts.items()}
     title = "What a number of sensors tells"
     return [Chart(title, "sensors", "deviation [% damage]", traces, layout=layout)] if found.curve else []
 
