@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from gossamer_models import ArtifactError, DataError
 from gossamer_models.twin.discrepancy import SPACING, Discrepancy, default_discrepancy, learn, spline_matrix
-from gossamer_models.twin.least_squares import PRIOR_DEVIATION, LeastSquares, Quadratic, bounded_minimum, descend
+from gossamer_models.twin.least_squares import MOST_DAMAGE, LeastSquares, Quadratic, bounded_minimum, descend
 from gossamer_models.twin.problem import RecordWeights
 from gossamer_models.twin.search import Fit, with_rivals
 from gossamer_models.twin.zone_sets import ODDS, Box, alternatives
@@ -31,7 +31,10 @@ def test_a_damage_that_may_as_well_be_in_another_zone_is_that_uncertain():
     at = np.array([alone, 0.0])
     model = Quadratic(A=J.T @ J, g=J.T @ (y - J @ at), at=at)
     limits = Box(zones=np.array([True, True]), low=-at, high=0.95 - at)
-    odds, prior = ODDS, PRIOR_DEVIATION  # the evidence of a set: odds, what is left of its prior, and how well it fits
+    odds, prior = (
+        ODDS,
+        MOST_DAMAGE / np.sqrt(2.0 * np.pi),
+    )  # the evidence of a set: odds, what is left of its prior, and how well it fits
     A = J.T @ J
     one = odds / np.sqrt(1.0 + prior**2 * A[0, 0])
     two = odds**2 / np.sqrt(np.linalg.det(np.eye(2) + prior**2 * A))
@@ -43,6 +46,16 @@ def test_a_damage_that_may_as_well_be_in_another_zone_is_that_uncertain():
     moves = np.array([[0.0, 0.0], [-alone, alone], [m / 2.0 - alone, m / 2.0], [-alone, 0.0]])
     weights = np.array([1.0, 1.0, both, none]) / total
     np.testing.assert_allclose(found.spread, np.einsum("k,ki,kj->ij", weights, moves, moves), atol=1e-12)
+
+
+@pytest.mark.parametrize(("at", "deviation"), [(0.09, 0.03), (0.014, 0.004), (0.3, 0.1)])
+def test_a_damage_is_as_likely_as_the_integral_over_all_there_may_be(at, deviation):
+    """Any damage up to the largest is as likely as any other beforehand, with odds of 1 to 10."""
+    size = np.linspace(0.0, MOST_DAMAGE, 200_001)
+    odds = ODDS * np.exp((at / deviation) ** 2 / 2.0) * np.mean(np.exp(-(((size - at) / deviation) ** 2) / 2.0))
+    model = Quadratic(A=np.array([[deviation**-2]]), g=np.array([at / deviation**2]), at=np.zeros(1))
+    found = alternatives(model, Box(np.array([True]), np.zeros(1), np.full(1, MOST_DAMAGE)), np.array([False]))
+    assert found.probability[0] == pytest.approx(odds / (1.0 + odds), rel=0.03)
 
 
 def test_a_set_that_was_fitted_by_itself_counts_as_it_was_found():

@@ -229,6 +229,9 @@ def begun(stages: Sequence[RecordProblem], x: Vector, *, one_valley: bool) -> Be
     try:
         for k, stage in enumerate(stages):
             free = np.ones(stage.size, dtype=bool)
+            if k == 0:  # else damages take the place of what is off beside them
+                beside = np.arange(stage.size) >= stage.zones
+                found = Begun(descend(stage, x, beside, MOST_STEPS, enough=ROUGH).point.x)
             point = descend(stage, found.x, free, MOST_STEPS, enough=ROUGH).point
             if stage.sensor_error is not None:
                 stage = stage.told(point)

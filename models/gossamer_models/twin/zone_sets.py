@@ -11,10 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Matrix, Rows, Vector
-from .least_squares import PRIOR_DEVIATION, Quadratic, bounded_minimum, change
+from .least_squares import MOST_DAMAGE, Quadratic, bounded_minimum, change
 
 THRESHOLD = 9.0  # of chi2: what a damaged zone must explain in the search
 ODDS = 0.1  # of damage in a zone beforehand
+EVEN = MOST_DAMAGE / np.sqrt(2.0 * np.pi)  # deviation of a normal density that at its peak is that of any damage
 LIKELY = 6.0  # above the worth of the best set of zones: whose neighbours are weighed too
 MOST_SETS = 16  # whose neighbours are weighed
 NEAR = 25.0  # above it: what the quadratic model may be wrong by where one zone takes the place of another
@@ -131,12 +132,12 @@ class Alternatives:
 def price(model: Quadratic, box: Box, kept: Rows) -> float:
     """Return what a set costs beside its chi2: minus twice the logarithm of its odds and of the share of them that is left.
 
-    By Laplace's approximation, with a normal prior of each damage: a zone that is told to 1 % costs 11, one that is told to
-    10 % costs 7.
+    By Laplace's approximation, with any damage as likely as any other: a zone that is told to 1 % costs 12, one that is told
+    to 10 % costs 7.
     """
     zones = kept & box.zones
-    S = model.A[np.ix_(kept, kept)] + np.diag(zones[kept] * PRIOR_DEVIATION**-2)
-    return float(np.linalg.slogdet(S)[1] + 2.0 * np.log(PRIOR_DEVIATION / ODDS) * np.count_nonzero(zones))
+    S = model.A[np.ix_(kept, kept)] + np.diag(zones[kept] * EVEN**-2)
+    return float(np.linalg.slogdet(S)[1] + 2.0 * np.log(EVEN / ODDS) * np.count_nonzero(zones))
 
 
 def alternatives(model: Quadratic, box: Box, kept: Rows, known: Sequence[tuple[Rows, float, Vector]] = ()) -> Alternatives:
