@@ -134,7 +134,6 @@ def campaign(
     wanted, source, name = planned(campaign, None, **plan)
     store = Path("out/campaigns") / f"{name}.zarr" if out is None else Path(out)
     bar = progress_bar(name)
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # a lost scheduler is one sentence here
     try:
         with locating(source), bar:
             bar.update(text="compiling,")

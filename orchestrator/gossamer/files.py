@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from gossamer_files.options import option
 from gossamer_orchestrator.errors import ResultsError, ScenarioError
+from gossamer_orchestrator.scenario.source import find_scenario, shipped_scenarios, write_new
 
 from .arguments import AnyPath, File, FmiVersion, Folder, Form, command
 from .working import keep_inputs, kinds_of, say
@@ -48,8 +49,6 @@ def new(name: AnyPath) -> Path:
 
         gossamer new mine && gossamer build && gossamer run mine.toml
     """
-    from gossamer_orchestrator.scenario.source import write_new
-
     path = Path(name) if str(name).endswith(".toml") else Path(f"{name}.toml")
     if path.stem.startswith("-") or not path.stem.replace("-", "_").isidentifier():
         msg = f"{path.stem!r} is no name of a scenario. Begin with a letter, and take letters, digits, _ and -."
@@ -326,7 +325,6 @@ def _write(
 ) -> Path:
     """Write a scenario, which is not overwritten, as another kind of file; return its path, and say what it holds."""
     from gossamer_orchestrator.exchange import open_scenario
-    from gossamer_orchestrator.scenario.source import find_scenario
 
     path = find_scenario(str(text))
     target = Path("out") / f"{path.stem}{ending}" if out is None else Path(out)
@@ -341,8 +339,6 @@ def _write(
 @contextmanager
 def _naming_shipped(path: Path) -> Iterator[None]:
     """Say where a shipped scenario is, which is not to be changed, below what is wrong with it."""
-    from gossamer_orchestrator.scenario.source import shipped_scenarios
-
     try:
         yield
     except ScenarioError as error:

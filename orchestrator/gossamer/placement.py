@@ -163,7 +163,7 @@ class SensorPlacement(Saved):
     def describe(self) -> Page:
         """Return the page: the smallest damage that is found, by zone and on the membrane, and its check."""
         from gossamer_models.placement.plots import placement_charts
-        from gossamer_orchestrator.pages import Page, on_page, table
+        from gossamer_orchestrator.pages import Page, table
 
         found = self.result
         sensors = [
@@ -177,18 +177,17 @@ class SensorPlacement(Saved):
             ("Deviation of the noise of a sample [1]", f"{found.noise:.4g}"),
             ("Simulated cases", found.simulations),
         ]
-        parts = (
-            *map(on_page, self.tables()),
-            table(("sensor", "point [m]", "direction", "length [m]"), sensors, "Sensors"),
-            table((), about, "The choice"),
-        )
         return Page(
             title="Placement of sensors",
             kind="none" if all(p.check is None or p.check.agrees for p in self.placements.values()) else "invalid",
             sentence=self.sentence,
             more=self.more(),
             charts=placement_charts(self.result),
-            facts="\n".join(parts),
+            facts=[
+                *self.tables(),
+                table(("sensor", "point [m]", "direction", "length [m]"), sensors, "Sensors"),
+                table((), about, "The choice"),
+            ],
             how="All zones, the loads' amplitudes, the damping and an offset of each sensor are unknown together.",
         )
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Unpack
 
 from gossamer_files.options import option
 from gossamer_orchestrator.errors import OrchestratorError, ScenarioError
+from gossamer_orchestrator.scenario.source import Source, find_scenario, parse_toml, read_text, shipped_scenarios
 
 from .arguments import AnyPath, Values, assigned
 from .options import PlanOptions
@@ -16,7 +17,6 @@ from .records import numbers_by_name
 
 if TYPE_CHECKING:
     from gossamer_models.campaign import CampaignPlan, Mesh
-    from gossamer_orchestrator.scenario.source import Source
 
 NOMINAL = "detector_nominal"
 WINDOW = 0.2532  # [s] of the shipped detectors
@@ -34,7 +34,6 @@ def planned(source: AnyPath | None, window: float | None, **plan: Unpack[PlanOpt
     from gossamer_models.campaign import Distribution, MeasurementNoise, Mesh, campaign_of_setup
     from gossamer_models.campaign.defaults import CASES, NOISE
     from gossamer_models.twin import read_loads
-    from gossamer_orchestrator.scenario.source import Source, find_scenario
 
     from .descriptions import load_campaign, setup_of
 
@@ -79,8 +78,6 @@ def planned(source: AnyPath | None, window: float | None, **plan: Unpack[PlanOpt
 
 def is_scenario(source: str) -> bool:
     """Tell a scenario, which has components, from a campaign, by content or by the name of a shipped one."""
-    from gossamer_orchestrator.scenario.source import parse_toml, read_text, shipped_scenarios
-
     if not Path(source).is_file():
         return source in shipped_scenarios() and source not in shipped_scenarios("campaign")
     return "components" in parse_toml(read_text(Path(source), "scenario"), source, "scenario")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -157,7 +155,11 @@ def sweep(
     times = [f"--{name}={options[name]!r}" for name in ("step", "stop") if options[name] is not None]
     fmus = str(Path(options["fmus"]).absolute())
     arguments = ["run", str(path.absolute()), "--fmus", fmus, "--no-pictures", "--no-csv", *times]
-    spread = partial(sweeps.on_cores, workers=workers) if scheduler is None else partial(_on_cluster, scheduler=scheduler)
+    spread: sweeps.Spread = partial(sweeps.on_cores, workers=workers)
+    if scheduler is not None:
+        from gossamer_models.campaign.run import on_cluster
+
+        spread = partial(on_cluster, scheduler=scheduler)
     bar = progress_bar(path.stem)
     try:
         with bar:
@@ -183,13 +185,3 @@ def sweep(
     first = next((folder / case.name for case, text in zip(cases, ended, strict=True) if sweeps.is_finished(text)), None)
     data = None if data is None else with_places(data, first)
     return Sweep(folder=folder, cases=cases, ended=ended, data=data, files=files)
-
-
-def _on_cluster(
-    function: Callable[[Case], tuple[int, str]], cases: Sequence[Case], scheduler: str
-) -> Iterator[tuple[int, str]]:
-    """Call a function with each case on the Dask cluster of a scheduler."""
-    from gossamer_models.campaign.run import on_cluster
-
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # a lost scheduler is one sentence here
-    yield from on_cluster(function, cases, scheduler)

@@ -21,9 +21,8 @@ from ..membrane.zones import MOST_ZONES
 from . import readings, truths
 
 THESIS_NOISE = campaigns.MeasurementNoise(strain=campaigns.Distribution(uniform=NOISE))
-CHAIN_NOISE = campaigns.MeasurementNoise(
-    resistance=campaigns.Distribution(normal=0.001)
-)  # of the change of resistance at full scale
+# of the change of resistance at full scale
+CHAIN_NOISE = campaigns.MeasurementNoise(resistance=campaigns.Distribution(normal=0.001))
 RANDOM = campaigns.Damage(zones=(1, 4), depth=(0.05, 0.5))
 HEALTHY = campaigns.Damage(zones=(0, 0))
 LATE = 30  # samples by which records through the chain are longer: more than the estimator's delay
@@ -50,6 +49,7 @@ HELD_OUT = {
     *("a sensor 1 % off its place", "late by 5 samples", "corner of zones", "healthy, everything varied"),
     *("whole chain", "other sensors", "another law", "coloured noise", "healthy, clean"),
 }
+KNOWN = TUNED | HELD_OUT
 MATERIAL = {"density": (1.05,), "thickness": (1.05,), "prestrain": (0.9, 1.05), "modulus": (0.95, 1.05)}
 OTHER_RANGE = 0.525  # [1] of the sensors' strain; that of the artifact is 0.5
 PARTIAL = {"band across zones": "band", "corner of zones": "corner", "hole in a zone": "hole"}
@@ -147,7 +147,8 @@ def conditions(plan: campaigns.CampaignPlan, other: campaigns.Mesh | None, cases
     found.append(Condition("another law", "law", replace(random, membrane=_other_law(mesh)), quick=True))
     found += _finer_worlds(replace(random, membrane=other or mesh), mesh)
     if square:
-        found.append(_other_sensors(random))
+        other_sensors = _through_chain(random, full_scale_strain=OTHER_RANGE)  # whose curve is not that of the artifact
+        found.append(Condition("other sensors", "other_sensors", other_sensors, quick=True))
     found += [
         Condition("healthy, clean", "healthy", healthy, noisy=False, quick=True),
         Condition("healthy, noise", "healthy", healthy),
@@ -167,9 +168,8 @@ def chosen(found: Sequence[Condition], names: Sequence[str]) -> list[Condition]:
         There is no such condition.
     """
     there = {condition.name: condition for condition in found}
-    wanted = [
-        each for name in names for each in {"all": [*there], "short": [n for n in SHORT if n in there]}.get(name, [name])
-    ]
+    groups = {"all": [*there], "short": [name for name in SHORT if name in there]}
+    wanted = [each for name in names for each in groups.get(name, [name])]
     for name in wanted:
         if name not in there:
             msg = f"there is no condition {name!r} of this structure. Choose from all, short, {', '.join(there)}."
@@ -210,14 +210,6 @@ def _finest(mesh: campaigns.Mesh) -> campaigns.Mesh | None:
         return replace(mesh, order=min(3 * mesh.order, MAX_ORDER))
     once = finer(mesh)
     return None if once is None else finer(once)
-
-
-def _other_sensors(random: campaigns.CampaignPlan) -> Condition:
-    """Return resistance of sensors whose curve is not that of the artifact: another range of strain."""
-    plan = _through_chain(random)
-    assert plan.chain is not None
-    plan = replace(plan, chain=replace(plan.chain, sensor_parameters={"full_scale_strain": OTHER_RANGE}))
-    return Condition("other sensors", "other_sensors", plan, quick=True)
 
 
 def _varied(mesh: campaigns.Mesh, what: str, low: float, high: float) -> dict[str, campaigns.Vary]:
@@ -263,10 +255,11 @@ def _mismatches(random: campaigns.CampaignPlan) -> Iterator[Condition]:
                 yield Condition(f"{name} x {factor:g}", f"{name}_{factor:g}", replace(random, vary=vary), quick=True)
 
 
-def _through_chain(campaign: campaigns.CampaignPlan) -> campaigns.CampaignPlan:
+def _through_chain(campaign: campaigns.CampaignPlan, **sensor: float) -> campaigns.CampaignPlan:
     """Return a campaign through sensor and estimator, longer by more than the estimator's delay."""
     stop = campaign.stop + LATE * campaign.step
-    return replace(campaign, noise=CHAIN_NOISE, chain=campaigns.Chain(compensator="estimator"), stop=stop)
+    chain = campaigns.Chain(compensator="estimator", sensor_parameters=sensor)
+    return replace(campaign, noise=CHAIN_NOISE, chain=chain, stop=stop)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -30,14 +30,13 @@ from numpy.typing import ArrayLike
 
 from .figures import CALL, NOMINAL
 from .judges import AlwaysZero
-from .pod import Share
+from .pod import DETECTED, Share
 from .results import AssessmentResults, DetectionRow
 
 COLORS = ("@0", "@1", "@2", "@3", "@4", "@5")
 ZERO = AlwaysZero.name
 STATED = {"clean": "dash", "noise": "solid"}  # conditions of the reliability, and their lines
 DASHES = ("solid", "dash", "dot", "dashdot")
-DETECTED = 0.9  # probability of detection of a90 and a90/95
 BINS = 40  # of the largest estimates
 MISLEADING = "An error above 5 % and above three stated deviations in a zone whose deviation is 2 % or less."
 FILES = {

@@ -16,18 +16,7 @@ from ..arrays import Rows, Vector
 from ..campaign import CampaignPlan, Mesh
 from ..detector.thesis_tables import TABLES, ThesisTables
 from ..errors import ParameterError
-from .conditions import (
-    HELD_OUT,
-    SIZES,
-    TUNED,
-    Condition,
-    chosen,
-    conditions,
-    detections,
-    finer,
-    plan_of_square,
-    table_conditions,
-)
+from .conditions import KNOWN, SIZES, Condition, chosen, conditions, detections, finer, plan_of_square, table_conditions
 from .figures import confusion, figures, largest_calls, reliability, scores
 from .judges import Judge, Verdicts, ask
 from .pod import fit_pod, share, threshold_for
@@ -97,7 +86,7 @@ def assess(
     other = finer(mesh) if other is None else other
     meshes = {"mesh": mesh, "another mesh": other}
     put, pairs = conditions(plan, other, cases), [] if only else detections(plan, cases)
-    lacking = ", ".join(sorted((TUNED | HELD_OUT) - {condition.name for condition in put}))
+    lacking = ", ".join(sorted(KNOWN - {condition.name for condition in put}))
     found = AssessmentResults(
         provenance={
             "gossamer": version("gossamer"),

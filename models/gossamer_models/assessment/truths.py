@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -47,9 +48,8 @@ def with_material(mesh: Mesh, what: str, factor: float) -> Mesh | None:
         if what == "prestrain":
             x, y, shear = region.prestress
             return replace(region, prestress=(factor * x, factor * y, factor * shear))
-        if what == "density":
-            return replace(region, density=factor * region.density)
-        return replace(region, thickness=factor * region.thickness)
+        changed: dict[str, Any] = {what: factor * getattr(region, what)}
+        return replace(region, **changed)
 
     return replace(mesh, setup=replace(mesh.setup, regions=tuple(map(changed, mesh.setup.regions))))
 
@@ -59,21 +59,10 @@ def as_setup(mesh: Mesh) -> Mesh:
     if mesh.setup is not None:
         return mesh
     structure = mesh.structure
-    known = {name: mesh.base(name) for name in mesh.settable}
-    region = replace(
-        structure.setup.regions[0],
-        youngs_modulus=known["youngs_modulus"],
-        poisson_ratio=known["poisson_ratio"],
-        density=known["density"],
-        thickness=known["thickness"],
-    )
-    setup = replace(
-        structure.setup,
-        mass_damping=known["mass_damping"],
-        pressure_amplitude=known["pressure_amplitude"],
-        pressure_frequency=known["pressure_frequency"],
-        regions=(region,),
-    )
+    known: dict[str, Any] = {name: mesh.base(name) for name in mesh.settable}
+    of_region = {name: known[name] for name in ("youngs_modulus", "poisson_ratio", "density", "thickness")}
+    of_load = {name: known[name] for name in ("mass_damping", "pressure_amplitude", "pressure_frequency")}
+    setup = replace(structure.setup, regions=(replace(structure.setup.regions[0], **of_region),), **of_load)
     kept = {name: known[name] for name in ("edge_displacement", "pressure_phase", "pressure")}
     return Mesh(setup=setup, carried=structure_text(replace(structure, setup=setup)), parameters=kept)
 

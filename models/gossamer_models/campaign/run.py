@@ -52,6 +52,7 @@ def on_cluster(function: Callable[[A], R], arguments: Sequence[A], scheduler: st
     from distributed import CancelledError, Client, KilledWorker, as_completed
     from distributed.comm.core import CommClosedError
 
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # a lost scheduler is one sentence here
     try:
         client = Client(scheduler, timeout=SCHEDULER_PATIENCE)
     except (OSError, ValueError) as error:

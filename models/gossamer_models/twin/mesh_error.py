@@ -115,8 +115,10 @@ class MeshError:
     @cached_property
     def blur(self) -> float:
         """How many times the largest deviation of a zone's damage is what it would be by noise alone [1]."""
-        with_error, alone = (self._deviations(c).max() for c in (self.components, np.zeros((1, *self.strain.shape))))
-        return float(with_error / alone)
+        with_error, alone = (
+            self._weights(c)[2].diagonal().max() for c in (self.components, np.zeros((1, *self.strain.shape)))
+        )
+        return math.sqrt(with_error / alone)
 
     @property
     def buries(self) -> bool:
@@ -157,9 +159,6 @@ class MeshError:
         weights = RecordWeights(np.ones(self.strain.shape, dtype=bool), self.noise, components)
         J = weights.weigh(_moving(self.slopes)).T
         return weights, J, np.asarray(np.linalg.pinv(J.T @ J, hermitian=True), dtype=np.float64)
-
-    def _deviations(self, components: Matrix) -> Vector:
-        return np.asarray(np.sqrt(np.diag(self._weights(components)[2])))
 
     def _over_stated(self, components: Matrix, delta: Matrix) -> float:
         """Return how far off damages are that are fitted to errors and noise, over the stated deviations, rms."""
@@ -259,10 +258,8 @@ class MeshErrors:
         digest = hashlib.sha256()
         setup, mesh = self.structure.setup, self.structure.mesh
         loads = [*sorted(record.inputs.items()), *sorted(record.start.items()), *sorted(self.parameters.items())]
-        parts = [
-            repr((setup, record.step, record.states, record.samples, type(record).__name__, PAIRS, STILL_FINER, VERSION))
-        ]
-        parts += [name for name, _ in loads]
+        about = (setup, record.step, record.states, record.samples, type(record).__name__, PAIRS, STILL_FINER, VERSION)
+        parts = [repr(about), *(name for name, _ in loads)]
         arrays = [mesh.nodes, *(block.elements for block in mesh.blocks), *(np.asarray(value) for _, value in loads)]
         arrays += [self._finer.mesh.nodes, *self._finer.unit_forces.values()]
         digest.update(repr(parts).encode())

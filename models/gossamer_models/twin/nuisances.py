@@ -132,8 +132,8 @@ class Nuisances:
         How many have an offset and a gain of their own.
     loads : Loads
         What is known of the loads.
-    length, spacing : float
-        Time that an unknown load lasts, and distance of the knots of its spline [s].
+    length, period : float
+        Time that an unknown load lasts, and the first period, of which the knots of its spline are ``KNOTS`` apart [s].
 
     Raises
     ------
@@ -147,7 +147,7 @@ class Nuisances:
     sensors: int
     loads: Loads = field(default_factory=Loads)
     length: float = 0.0
-    spacing: float = math.inf
+    period: float = math.inf
 
     def __post_init__(self) -> None:
         check_names(self.kinds, self.inputs)
@@ -164,7 +164,7 @@ class Nuisances:
     @property
     def knots(self) -> int:
         """Coefficients of an unknown load."""
-        return DEGREE + max(1, math.ceil(self.length / self.spacing))
+        return DEGREE + max(1, math.ceil(self.length / (KNOTS * self.period)))
 
     @property
     def unknown(self) -> tuple[str, ...]:

@@ -329,7 +329,7 @@ def other_wirings(record: ResponseRecord, predicted: Matrix) -> list[Wiring]:
         What the sensors would read by the best fit; of many pairs those that it prefers are listed.
     """
     as_given, present = tuple(range(len(record.values))), record.sensors
-    unlike = np.array([[_unlike(record.values[i], predicted[j]) for j in present] for i in present])
+    unlike = np.nanvar(record.values[present][:, None] - predicted[present], axis=2)
     own = np.diag(unlike)
     gain = own[:, None] + own - unlike - unlike.T
     pairs = sorted(combinations(range(len(present)), 2), key=lambda pair: -gain[pair])[:MOST_WIRINGS]
@@ -350,12 +350,6 @@ def other_wirings(record: ResponseRecord, predicted: Matrix) -> list[Wiring]:
         doubt = "sensor {} contradicts the others and is left out"
         found += [Wiring(as_given, (k,), doubt.format(k + 1)) for k in sorted(worst)]
     return found
-
-
-def _unlike(measured: Vector, predicted: Vector) -> float:
-    """Return the mean square difference of two histories without their means."""
-    difference = (measured - predicted)[np.isfinite(measured)]
-    return float(np.var(difference))
 
 
 def best_wiring(wirings: Sequence[Wiring], misfits: Sequence[float], most: float = PASSING) -> Wiring | None:

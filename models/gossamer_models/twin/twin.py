@@ -25,32 +25,10 @@ from .forward import Forward, forward_of
 from .groups import alike, untold, without_nuisances
 from .least_squares import MOST_DAMAGE
 from .mesh_error import MeshError, MeshErrors
-from .nuisances import (
-    BY_DEFAULT,
-    FACTORS,
-    KNOTS,
-    NAMES,
-    OF_MOTION,
-    OF_SENSOR,
-    SENSOR,
-    Loads,
-    Nuisances,
-    check_names,
-    possible,
-)
+from .nuisances import BY_DEFAULT, FACTORS, NAMES, OF_MOTION, OF_SENSOR, SENSOR, Loads, Nuisances, check_names, possible
 from .problem import DamageUnknowns, RecordProblem
 from .reasons import likely_reason
-from .record import (
-    LEAST_SAMPLES,
-    PASSING,
-    ResponseRecord,
-    StaticRecord,
-    Wiring,
-    best_wiring,
-    dead_sensors,
-    less_healthy,
-    other_wirings,
-)
+from .record import PASSING, ResponseRecord, StaticRecord, Wiring, best_wiring, dead_sensors, less_healthy, other_wirings
 from .search import Fit, again, begun, misfit, search
 from .second_look import Parted, parted
 from .simulation import SensedForward
@@ -292,8 +270,8 @@ class Twin:
 
     def _nuisances(self, kinds: tuple[str, ...], record: ResponseRecord) -> Nuisances:
         model, loads = self._forward, Loads(record.start, record.inputs)
-        spacing = KNOTS * model.period if set(kinds) & set(model.inputs) else math.inf
-        return Nuisances(kinds, model.parameters, model.inputs, model.sensors, loads, record.step * record.samples, spacing)
+        period = model.period if set(kinds) & set(model.inputs) else math.inf
+        return Nuisances(kinds, model.parameters, model.inputs, model.sensors, loads, record.step * record.samples, period)
 
     def _kinds(self, record: ResponseRecord, *, wider: bool = False) -> tuple[str, ...]:
         """Return the nuisances that are fitted; wider: all that act on the record."""
@@ -325,14 +303,14 @@ class Twin:
             return record.samples
         if self.discrepancy is None:
             most = MOST_STEPS // math.ceil(record.step / self._forward.limit)
-            return min(record.samples, max(LEAST_SAMPLES, most))
+            return min(record.samples, max(record.least_samples, most))
         return min(record.samples, math.floor(self.discrepancy.length / record.step * (1.0 + 1e-12)))
 
     def _early_samples(self, record: ResponseRecord) -> list[int]:
         """Return the lengths of the early stages."""
         if isinstance(record, StaticRecord):
             return []
-        lengths = {max(LEAST_SAMPLES, math.ceil(periods * self._forward.period / record.step)) for periods in EARLY}
+        lengths = {max(record.least_samples, math.ceil(periods * self._forward.period / record.step)) for periods in EARLY}
         return [n for n in sorted(lengths) if n < self._compared(record)]
 
     def _problem(

@@ -47,7 +47,7 @@ def campaign_page(name: str, data: xr.Dataset, summary: Summary) -> Page:
         sentence=failed if summary.failed else f"All {summary.cases} cases are simulated.",
         more=[this_run, _damage(campaign), _varied(campaign, data), histories],
         charts=[*section("What was drawn", [*_damage_charts(data), *_quantity_charts(data)]), *_history_charts(sound)],
-        facts="\n".join((_failed_table(data), _about(data, campaign))),
+        facts=[_failed_table(data), _about(data, campaign)],
         how="Histories are without gain and noise of the sensors, which the seed determines and the store does not hold.",
     )
 

@@ -80,13 +80,11 @@ def training_page(name: str, artifact: PosteriorArtifact, judged: Judged) -> Pag
             *section("Stated deviations", _stated(judged)),
             *section("Training", _losses(artifact)),
         ],
-        facts="\n".join(
-            (
-                on_page(tables.error_table(artifact.held_out)),
-                table(("quantity", "range"), over, "What the detector is trained over"),
-                table((), artifact.provenance.items(), MADE),
-            )
-        ),
+        facts=[
+            tables.error_table(artifact.held_out),
+            table(("quantity", "range"), over, "What the detector is trained over"),
+            table((), artifact.provenance.items(), MADE),
+        ],
         how="Everything is of cases that were neither trained nor calibrated on, but for the loss.",
     )
 
@@ -104,7 +102,7 @@ def thesis_page(name: str, artifact: DetectorArtifact, found: Errors) -> Page:
         sentence=lines[0],
         more=lines[1:],
         charts=[_errors(found)],
-        facts=on_page(tables.error_table(found)) + table((), artifact.provenance.items(), MADE),
+        facts=[tables.error_table(found), table((), artifact.provenance.items(), MADE)],
         how="The test cases are those of the thesis, in their first window.",
     )
 
@@ -228,7 +226,12 @@ def assessment_page(found: AssessmentResults, structure: Structure | None = None
         charts=[*picture, *assessment_charts(found)],
         content=content,
         scripts=[SURFACE] if picture else [],
-        facts=_facts(found),
+        facts=[
+            folded("Errors and shares by condition", on_page(tables.condition_table(found))),
+            folded("Probability of detection by zone", on_page(tables.detection_table(found))),
+            *(folded(name, on_page(shown)) for name, shown in tables.thesis_tables(found).items()),
+            table((), found.provenance.items(), "The assessment"),
+        ],
         how="Bars of shares are two-sided 95 % intervals of Clopper and Pearson. Errors count invalid answers too.",
     )
 
@@ -312,13 +315,3 @@ def _few(found: AssessmentResults) -> list[str]:
     few = {row.judge: row.figures.records for row in found.rows if row.figures.records < FEW}
     parts = [f"{judge}, {number}" for judge, number in few.items()]
     return [f"Few records, so rough figures, and none for the verdict: {'; '.join(parts)}."] if parts else []
-
-
-def _facts(found: AssessmentResults) -> str:
-    parts = [
-        folded("Errors and shares by condition", on_page(tables.condition_table(found))),
-        folded("Probability of detection by zone", on_page(tables.detection_table(found))),
-        *(folded(name, on_page(shown)) for name, shown in tables.thesis_tables(found).items()),
-        table((), found.provenance.items(), "The assessment"),
-    ]
-    return "\n".join(parts)

@@ -71,17 +71,15 @@ def identification_page(result: Identified, artifact: Path, files: list[Path], r
         sentence=sentence,
         more=[*more, *(text for text in result.remarks if text not in told)],
         charts=charts,
-        facts="\n".join(
-            (
-                on_page(tables.error_table(result, rest)),
-                on_page(tables.standing_table(result)),
-                folded(f"{len(result.trials)} trials of the automatic choice", trials) if trials else "",
-                on_page(tables.recognised_table(fit.records)),
-                _sensor_tables(fit),
-                _provenance(fit.artifact.provenance, without=("data", "sha256", "doubts")),
-                _work([artifact, *files], seconds),
-            )
-        ),
+        facts=[
+            tables.error_table(result, rest),
+            tables.standing_table(result),
+            folded(f"{len(result.trials)} trials of the automatic choice", trials) if trials else "",
+            tables.recognised_table(fit.records),
+            _sensor_tables(fit),
+            _provenance(fit.artifact.provenance, without=("data", "sha256", "doubts")),
+            _work([artifact, *files], seconds),
+        ],
         how=HOW,
     )
 
@@ -165,14 +163,12 @@ def assessment_page(
         sentence=sentence,
         more=more,
         charts=charts,
-        facts="\n".join(
-            (
-                *map(on_page, shown),
-                on_page(tables.recognised_table([each.record for each in judged])),
-                folded("How the sensor was made", _provenance(SensorArtifact.read(sensor).provenance)),
-                _work([sensor, *files], seconds),
-            )
-        ),
+        facts=[
+            *shown,
+            tables.recognised_table([each.record for each in judged]),
+            folded("How the sensor was made", _provenance(SensorArtifact.read(sensor).provenance)),
+            _work([sensor, *files], seconds),
+        ],
         how=HOW,
     )
 

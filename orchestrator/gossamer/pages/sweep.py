@@ -99,7 +99,7 @@ def sweep_page(
             *section("Damage", _damage_charts(ended, over)),
             *([] if scalar is None else _scalar_charts(ended, over, scalar)),
         ],
-        facts=_case_table(ended, folder) + table((), about, "The sweep"),
+        facts=[_case_table(ended, folder), table((), about, "The sweep")],
         how="Numbers are of all recorded points. Bars of estimates are one standard deviation long to each side.",
     )
 

@@ -9,7 +9,7 @@ from gossamer_files.charts import Chart, band, curve, heat, points, section
 from gossamer_files.tables import TableText
 from gossamer_models.arrays import Matrix, Vector
 from gossamer_models.twin import Answer, StaticRecord
-from gossamer_orchestrator.pages import Page, on_page, table
+from gossamer_orchestrator.pages import Page, table
 from gossamer_orchestrator.pages.page import Kind
 from gossamer_orchestrator.results.dataset import zone_label
 from gossamer_orchestrator.words import uncertain
@@ -161,7 +161,7 @@ def _histories(answer: Answer) -> list[Chart]:
     return charts
 
 
-def _facts(answer: Answer, *, shown: bool) -> str:
+def _facts(answer: Answer, *, shown: bool) -> list[str | TableText]:
     nuisances = nuisance_cells(answer)
     rows = [
         ("Values that were fitted", answer.samples),
@@ -170,4 +170,4 @@ def _facts(answer: Answer, *, shown: bool) -> str:
         ("Order of the sensors", ", ".join(map(str, answer.order))),
     ]
     beside = table(("quantity", "value"), nuisances, "What else was fitted") if nuisances else ""
-    return "\n".join((on_page(zone_cells(answer, shown=shown)), beside, table((), rows, "The fit")))
+    return [zone_cells(answer, shown=shown), beside, table((), rows, "The fit")]

@@ -60,8 +60,8 @@ class Page:
         JavaScript files, for what a chart cannot say.
     controls : str
         HTML above the pictures.
-    facts : str
-        HTML below the pictures, for instance of ``table``.
+    facts : sequence of str or TableText
+        HTML below the pictures, for instance of ``table``, and tables; what is empty is left out.
     how : str
         How the pictures were made, a sentence or two.
     """
@@ -74,7 +74,7 @@ class Page:
     content: Mapping[str, Any] = field(default_factory=dict)
     scripts: Sequence[Path] = ()
     controls: str = ""
-    facts: str = ""
+    facts: Sequence[str | TableText] = ()
     how: str = ""
 
 
@@ -97,7 +97,7 @@ def write_page(page: Page, path: Path) -> Path:
         style=(ASSETS / "page.css").read_text(encoding="utf-8"),
         contents=_contents(page),
         controls=page.controls,
-        facts=page.facts,
+        facts="\n".join(filter(None, (each if isinstance(each, str) else on_page(each) for each in page.facts))),
         how=written(page.how),
         library=_library(),
         data=_packed(json.dumps(content, allow_nan=False).encode()),

@@ -118,19 +118,14 @@ def group(columns: Iterable[RecordedScalar]) -> tuple[list[RecordedArray], dict[
             dim = next((each for each in choice if labels.get(each, values) == values), f"{base}_{suffix}")
             labels[dim] = values
             dims.append(dim)
-        orders = [{label: i for i, label in enumerate(values)} for values in axes]
-        cells = []
-        for place in places:
-            cell = 0
-            for order, index in zip(orders, place, strict=True):
-                cell = cell * len(order) + order[index]
-            cells.append(cell)
+        shape = tuple(len(values) for values in axes)
+        within = [np.searchsorted(values, indices) for values, indices in zip(axes, zip(*places, strict=True), strict=True)]
         variables.append(
             RecordedArray(
                 name=base,
                 dims=tuple(dims),
-                shape=tuple(len(values) for values in axes),
-                cells=tuple(cells),
+                shape=shape,
+                cells=tuple(np.ravel_multi_index(within, shape).tolist()) if rank else (0,),
                 columns=numbers,
                 unit=described[0].unit,
                 description=_common([column.description for column in described]),

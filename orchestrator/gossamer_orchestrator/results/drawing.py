@@ -28,10 +28,8 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 Share: TypeAlias = tuple[int, int | None]
-SHARES: tuple[Share, ...] = (
-    (0, 1),
-    (1, None),
-)  # of the pictures, for a process each: the first one takes about as long as all others
+# of the pictures, for a process each: the first one takes about as long as all others
+SHARES: tuple[Share, ...] = ((0, 1), (1, None))
 
 
 class Drawing:

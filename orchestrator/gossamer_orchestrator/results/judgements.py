@@ -127,13 +127,11 @@ def windows(data: xr.Dataset) -> list[Judgement]:
 
 
 def windows_of(data: xr.Dataset) -> list[Judgement]:
-    """List the windows of the detector, few enough for a page; none if there is no detector."""
+    """List the windows of the detector; none if there is no detector."""
     try:
-        ended = windows(data)
+        return windows(data)
     except ResultsError:
         return []
-    stride = -(-len(ended) // MOST_WINDOWS) if ended else 1
-    return ended[::-1][::stride][::-1]
 
 
 def recorded_detector(data: xr.Dataset) -> str:

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from ..errors import ResultsError
 from .dataset import compensators, find_all, is_whole, origins_of, sensors
 from .files import read_watch
-from .judgements import windows_of
+from .judgements import MOST_WINDOWS, windows_of
 from .shapes import ShapeHistory, load_shapes
 
 logger = logging.getLogger(__name__)
@@ -211,7 +211,8 @@ class Recorded:
         self.data = data
         self.time: Array = data["time"].to_numpy()
         self.pixels = Pixels(len(self.time))
-        self.ended = windows_of(data)
+        ended = windows_of(data)[::-1]
+        self.ended = ended[:: -(-len(ended) // MOST_WINDOWS) or 1][::-1]
         self.watch: dict[str, Any] = read_watch(folder) or {}
         self.folder = folder
         self.membrane = next(iter(find_all(data, "membrane")), "")

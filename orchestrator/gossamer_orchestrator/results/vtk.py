@@ -16,7 +16,7 @@ from ..errors import ResultsError, writing
 from ..fmi.shape import Array, Surface
 from .dataset import find_all, is_whole
 from .files import make_folder
-from .judgements import windows
+from .judgements import windows_of
 from .shapes import ShapeHistory, face_strains
 
 
@@ -106,10 +106,7 @@ def _damages(data: xr.Dataset, membrane: str, time: float) -> Iterator[tuple[str
         yield "true_damage", data[f"{membrane}.damage"].isel(time=max(row, 0)).to_numpy().ravel()
     if membrane != next(iter(find_all(data, "membrane")), None):
         return
-    try:
-        ended = windows(data)
-    except ResultsError:
-        return
+    ended = windows_of(data)
     valid = [window for window in ended if window.valid and window.time <= time + 1e-12]
     if ended:
         estimated = valid[-1].estimated if valid else np.full_like(ended[0].estimated, np.nan)

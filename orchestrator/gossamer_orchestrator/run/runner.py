@@ -202,12 +202,8 @@ def _write_csv(data: xr.Dataset, folder: Path, wanted: bool | None) -> None:
         return
     (folder / files.CSV).unlink(missing_ok=True)  # of an earlier run
     if wanted is None:
-        logger.warning(
-            f"no %s: it would have %d values, more than %d. {option('csv', True)} writes it.",
-            files.CSV,
-            values,
-            files.CSV_VALUES,
-        )
+        text = f"no %s: it would have %d values, more than %d. {option('csv', True)} writes it."
+        logger.warning(text, files.CSV, values, files.CSV_VALUES)
 
 
 def _pickled(observers: Sequence[Observer]) -> bytes:

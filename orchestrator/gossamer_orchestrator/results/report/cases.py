@@ -49,7 +49,8 @@ def save_cases(store: Path, folder: Path, variable: str | None, varied: Sequence
         names = [str(name) for name, each in data.data_vars.items() if "time" in each.dims]
         if not names:
             return []
-        name = variable or _default(data, names)
+        damages = [f"{detector}.damage" for detector in find_all(data, "detector")]
+        name = variable or next((each for each in damages if each in names), names[0])
         if name not in names:
             msg = f"no case recorded {name!r}. {suggest(name, names)}"
             raise ResultsError(msg)
@@ -70,7 +71,8 @@ def case_panels(
     """
     stride = -(-values.sizes["case"] // PANELS)
     drawn = values.isel(case=slice(None, None, stride)).load()
-    many, (detector, _, what) = _is_long(values), str(values.name).rpartition(".")
+    many = values.ndim > 2 and values.shape[-1] > len(COLORS)  # drawn as bars of the last values, not over time
+    detector, _, what = str(values.name).rpartition(".")
     percent = what in ("damage", "deviation") and values.attrs.get("units", "1") == "1"
     factor, unit = (100.0, "%") if percent else (1.0, values.attrs.get("units", "1"))
     charts = []
@@ -111,16 +113,5 @@ def _last_values(own: xr.DataArray, true: xr.DataArray | None, known: xr.Dataset
     return traces
 
 
-def _is_long(values: xr.DataArray) -> bool:
-    """Tell an array of many elements, whose last values are drawn as bars, from what is drawn over time."""
-    return values.ndim > 2 and values.shape[-1] > len(COLORS)
-
-
 def _short(value: object) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
-
-
-def _default(data: xr.Dataset, names: Sequence[str]) -> str:
-    """Name the estimated damage where there is one, else the first variable."""
-    damage = [f"{detector}.damage" for detector in find_all(data, "detector")]
-    return next((name for name in damage if name in names), names[0])

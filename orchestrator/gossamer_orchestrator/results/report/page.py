@@ -73,16 +73,6 @@ def run_page(data: xr.Dataset, folder: Path) -> Page:
     ]
     others, constant = _others(run)
     frames = run.time[run.instants[0]]
-    parts = (
-        _run_table(data, len(run.time)),
-        _messages(folder),
-        _watch_tables(run.watch),
-        _judgement_tables(run.ended),
-        _components(data),
-        _connections(data),
-        _constants(data, constant),
-        _scenario(data),
-    )
     return Page(
         title=str(data.attrs.get("title") or data.attrs.get("scenario_name") or "A run"),
         kind=verdict.kind,
@@ -92,7 +82,16 @@ def run_page(data: xr.Dataset, folder: Path) -> Page:
         content={"start": float(run.time[0]), "end": float(run.time[-1]), "frames": frames, "surface": surface},
         scripts=[ASSETS / "surface.js", ASSETS / "run.js"],
         controls=(ASSETS / "player.html").read_text(encoding="utf-8"),
-        facts="\n".join(filter(None, parts)),
+        facts=[
+            _run_table(data, len(run.time)),
+            _messages(folder),
+            _watch_tables(run.watch),
+            _judgement_tables(run.ended),
+            _components(data),
+            _connections(data),
+            _constants(data, constant),
+            _scenario(data),
+        ],
         how=f"{_thinning(run)} Strain of a compensator is drawn earlier by the delay that it states. Bands are two "
         "standard deviations wide to each side.",
     )
