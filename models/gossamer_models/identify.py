@@ -14,7 +14,7 @@ from gossamer_files.plots import save_charts
 
 from .arrays import Vector
 from .automatic import BUDGET, Standing, Trial, choose, defeats, standings
-from .errors import ParameterError
+from .errors import ParameterError, require
 from .fitting.errors import Errors, stretch_errors
 from .fitting.reading import Columns, read_records
 from .fitting.records import Record, judged_rows, strain_range, thin, training_stretches
@@ -113,9 +113,7 @@ def settings_for(model: str, **chosen: Any) -> Settings:  # noqa: ANN401
     if model == AUTO:
         msg = f"auto chooses {', '.join(given) or 'its settings'} itself. Leave them out, or name another model."
         raise ParameterError(msg)
-    if model not in MODELS:
-        msg = f"there is no model {model!r}; choose one of {', '.join((AUTO, *MODELS))}"
-        raise ParameterError(msg)
+    require(model in MODELS, f"there is no model {model!r}; choose one of {', '.join((AUTO, *MODELS))}")
     for name in given:
         others = PreisachSettings.OPTIONS.get(name, ()) + FractionalSettings.OPTIONS.get(name, ())
         if model not in others:

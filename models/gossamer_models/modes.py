@@ -38,7 +38,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .arrays import Matrix, Vector
-from .errors import ConvergenceError, ParameterError
+from .errors import ConvergenceError, ParameterError, require
 from .fitting.separable import Derivative, SeparableProblem
 
 SERIES_BELOW = 0.5
@@ -177,9 +177,7 @@ class PowerLawKernels:
 
 def check_order(order: float) -> None:
     """Raise ``ParameterError`` unless 0 < order < 1."""
-    if not 0.0 < order < 1.0:
-        msg = f"the order is {order:g}; a fractional operator needs 0 < order < 1"
-        raise ParameterError(msg)
+    require(0.0 < order < 1.0, f"the order is {order:g}; a fractional operator needs 0 < order < 1")
 
 
 @dataclass(frozen=True, slots=True)

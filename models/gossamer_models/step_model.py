@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 
-from .errors import ArtifactError, ParameterError
+from .errors import ArtifactError, ParameterError, require
 from .variables import CAUSALITIES, Causality, Results, State, Values, Variable, by_name, in_order, pack, unpack
 
 if TYPE_CHECKING:
@@ -107,12 +107,8 @@ class StepModel:
 
     def __post_init__(self) -> None:
         order = [CAUSALITIES.index(v.causality) for v in self.variables]
-        if order != sorted(order):
-            msg = f"model {self.name!r}: list parameters, inputs, outputs and locals in this order"
-            raise ParameterError(msg)
-        if len(set(self.names)) != len(self.names):
-            msg = f"model {self.name!r}: two variables have the same name"
-            raise ParameterError(msg)
+        require(order == sorted(order), f"model {self.name!r}: list parameters, inputs, outputs and locals in this order")
+        require(len(set(self.names)) == len(self.names), f"model {self.name!r}: two variables have the same name")
         n_p, n_u = self.count("parameter"), self.count("input")
         n_y, n_x = len(self.variables) - n_p - n_u, self.n_states
         n_t = [] if self.tables is None else [self.tables.numbers.size]

@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .errors import ConvergenceError, InputError, StateError
+from .errors import ConvergenceError, InputError, StateError, require
 from .step_model import StepModel
 from .variables import Variable, finite_limits, meant
 
@@ -150,9 +150,7 @@ class Stepper:
         ConvergenceError
             The initial state is not finite.
         """
-        if self.initialized:
-            msg = f"model {self.model.name!r} is initialized already. Reset it first."
-            raise StateError(msg)
+        require(not self.initialized, f"model {self.model.name!r} is initialized already. Reset it first.", StateError)
         self._check(self._p)
         self._check(self._u)
         self._run_init()

@@ -22,7 +22,7 @@ from typing import Annotated, Any, Literal, ParamSpec, TypeAlias, TypeVar, Union
 
 from gossamer_files import GossamerError
 from gossamer_files.options import option
-from gossamer_orchestrator.errors import OrchestratorError
+from gossamer_orchestrator.errors import OrchestratorError, require
 
 LONG = 200  # characters of a name
 
@@ -240,9 +240,7 @@ def check(wanted: Argument, value: Any) -> Any:  # noqa: ANN401
     kinds, name = wanted.kinds, _called(wanted)
     if value is None and type(None) in kinds:
         return None
-    if value is None:
-        msg = f"{name} is None. Give a value."
-        raise ArgumentError(msg)
+    require(value is not None, f"{name} is None. Give a value.", ArgumentError)
     value = value.item() if hasattr(value, "item") and not getattr(value, "shape", ()) else value
     if wanted.written.read is not None:
         text = with_commas(value)
@@ -285,13 +283,11 @@ def _texts(wanted: Argument, value: Any) -> Any:  # noqa: ANN401
     allowed = (str, os.PathLike) if os.PathLike in kinds else (str,)
     one = Sequence not in kinds or isinstance(value, str | os.PathLike)
     every = [value] if one else several(value)
-    if not every and wanted.default is inspect.Parameter.empty:
-        msg = f"{_called(wanted)} is empty. Give {noun}."
-        raise ArgumentError(msg)
+    require(
+        every or wanted.default is not inspect.Parameter.empty, f"{_called(wanted)} is empty. Give {noun}.", ArgumentError
+    )
     for each in every:
-        if not isinstance(each, allowed):
-            msg = f"{_called(wanted)} is {each!r}. Give {noun}."
-            raise ArgumentError(msg)
+        require(isinstance(each, allowed), f"{_called(wanted)} is {each!r}. Give {noun}.", ArgumentError)
     return value if one else every
 
 

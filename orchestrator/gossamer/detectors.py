@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 from gossamer_files.options import option
 from gossamer_files.tables import TableText
-from gossamer_orchestrator.errors import OrchestratorError
+from gossamer_orchestrator.errors import OrchestratorError, require
 
 from .arguments import Address, AnyPath, Count, File, Folder, Seconds, command
 from .options import PlanOptions
@@ -317,9 +317,7 @@ def _train_thesis(name: str, out: AnyPath | None) -> TrainedDetector:
 
     from .pages.detectors import thesis_page
 
-    if name not in TRAININGS:
-        msg = f"the thesis has no training {name!r}. {suggest(name, TRAININGS)}"
-        raise OrchestratorError(msg)
+    require(name in TRAININGS, f"the thesis has no training {name!r}. {suggest(name, TRAININGS)}")
     path = Path("out/detector") / f"{name}_damage.json" if out is None else json_file(out)
     with progress_bar("simulating and training"):
         artifact = train_detector(TRAININGS[name])

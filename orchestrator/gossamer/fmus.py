@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gossamer_files.options import option
-from gossamer_orchestrator.errors import FmuError
+from gossamer_orchestrator.errors import FmuError, require
 
 from .arguments import File, FmiVersion, Folder, Name, Names, Scales, command, several
 from .results import Result
@@ -191,9 +191,7 @@ def build_fmus(folder: Path, names: Sequence[str] = (), **options: Any) -> dict[
     from gossamer_orchestrator.names import suggest
 
     for name in names:
-        if name not in NAMES:
-            msg = f"there is no FMU {name!r} to build. {suggest(name, NAMES)}"
-            raise FmuError(msg)
+        require(name in NAMES, f"there is no FMU {name!r} to build. {suggest(name, NAMES)}", FmuError)
     before = {name: _description(folder / f"{name}.fmu") for name in names or CHAIN}
     console = stderr()
     with console.status("building FMUs") as status:

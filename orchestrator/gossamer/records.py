@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gossamer_files.options import option
-from gossamer_orchestrator.errors import OrchestratorError, ResultsError
+from gossamer_orchestrator.errors import OrchestratorError, ResultsError, require
 
 from .arguments import AnyPath, assigned
 from .options import TwinOptions
@@ -101,9 +101,7 @@ def find_record(path: Path, options: TwinOptions, stop: float | None = None) -> 
     else:
         found = find_in_results(load_results(path), kind, noise, values, structure, mesh)
     if stop is not None:
-        if not math.isfinite(stop):
-            msg = f"{option('stop')} is {stop:g}. Write a positive number."
-            raise OrchestratorError(msg)
+        require(math.isfinite(stop), f"{option('stop')} is {stop:g}. Write a positive number.")
         found = replace(found, record=found.record.first(max(0, round(stop / found.record.step))))
     return found
 

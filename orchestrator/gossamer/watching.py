@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
 from gossamer_files.options import option
-from gossamer_orchestrator.errors import OrchestratorError
+from gossamer_orchestrator.errors import OrchestratorError, require
 from gossamer_orchestrator.words import counted
 
 from .arguments import AnyPath, File, command, expected_errors
@@ -331,9 +331,7 @@ def _structure_of(plan: Plan) -> Structure | None:
 
 def _samples(window: float, found: KnownRecord) -> int:
     """Count the samples of a window, and refuse too few."""
-    if not math.isfinite(window):
-        msg = f"{option('window')} is {window:g}. Write a positive number."
-        raise OrchestratorError(msg)
+    require(math.isfinite(window), f"{option('window')} is {window:g}. Write a positive number.")
     samples = round(window / found.record.step)
     if samples < LEAST_WINDOW:
         msg = f"a window of {window:g} s is {samples} samples of the record; it needs {LEAST_WINDOW} or more."

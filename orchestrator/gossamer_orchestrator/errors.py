@@ -17,6 +17,12 @@ class OrchestratorError(Exception):
     """Root of every error that the orchestrator raises on purpose."""
 
 
+def require(condition: object, message: str, error: type[Exception] = OrchestratorError) -> None:
+    """Raise an error unless a condition holds."""
+    if not condition:
+        raise error(message)
+
+
 class ScenarioError(OrchestratorError, ValueError):
     """A scenario that is incomplete or wrong, or that does not fit its FMUs."""
 

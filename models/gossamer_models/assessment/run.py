@@ -15,7 +15,7 @@ import numpy as np
 from ..arrays import Rows, Vector
 from ..campaign import CampaignPlan, Mesh
 from ..detector.thesis_tables import TABLES, ThesisTables
-from ..errors import ParameterError
+from ..errors import ParameterError, require
 from .conditions import KNOWN, SIZES, Condition, chosen, conditions, detections, finer, plan_of_square, table_conditions
 from .figures import confusion, figures, largest_calls, reliability, scores
 from .judges import Judge, Verdicts, ask
@@ -75,9 +75,7 @@ def assess(
         A simulation cannot run, or cannot be kept.
     """
     names = [judge.name for judge in judges]
-    if len(set(names)) < len(names):
-        msg = f"two judges have the same name: {', '.join(names)}. Name the files differently."
-        raise ParameterError(msg)
+    require(len(set(names)) == len(names), f"two judges have the same name: {', '.join(names)}. Name the files differently.")
     if cases < 4 and not only:
         msg = f"{cases} cases are too few to choose a threshold on one half and count on the other. Take 4 or more."
         raise ParameterError(msg)

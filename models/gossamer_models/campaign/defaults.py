@@ -11,7 +11,7 @@ import math
 import numpy as np
 from gossamer_files.options import option
 
-from ..errors import ParameterError
+from ..errors import ParameterError, require
 from ..membrane import Structure, first_period
 from .description import CampaignPlan, Damage, Distribution, MeasurementNoise
 from .mesh import Mesh
@@ -112,6 +112,4 @@ def _check_monitored(structure: Structure) -> None:
         (structure.n_zones, "zones", "so there is no damage to find. Write [[zones]] with groups of faces"),
         (structure.n_sensors, "sensors", "so nothing is measured. Write [[sensors]], or let place-sensors choose them"),
     ):
-        if not count:
-            msg = f"the setup has no {what}, {advice}."
-            raise ParameterError(msg)
+        require(count, f"the setup has no {what}, {advice}.")

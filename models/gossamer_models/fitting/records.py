@@ -15,7 +15,7 @@ from gossamer_files.options import option
 from numpy.typing import NDArray
 
 from ..arrays import Rows, Vector
-from ..errors import DataError
+from ..errors import DataError, require
 
 PARTS = 4  # of a training stretch that is cut to predict its later parts
 LONGEST_GAP = 20.0  # median steps; a longer step is a gap
@@ -160,9 +160,7 @@ class Record:
             problem = f"row {int(np.argmin(np.isfinite(table).all(axis=0)))} holds a value that is not finite"
         elif not self.weight > 0.0:
             problem = f"its weight is {self.weight:g}; leave a record out instead"
-        if problem is not None:
-            msg = f"cannot use record {self.name!r}: {problem}."
-            raise DataError(msg)
+        require(problem is None, f"cannot use record {self.name!r}: {problem}.", DataError)
 
     @property
     def unit(self) -> str | None:
@@ -301,9 +299,7 @@ def noise_of(*signals: Vector) -> float:
 
 def strain_range(records: Sequence[Record], full_scale: float | None) -> float:
     """Return the full scale [1], the largest strain if none is given; refuse strain outside it."""
-    if not records:
-        msg = "there is no record to fit. Give at least one."
-        raise DataError(msg)
+    require(records, "there is no record to fit. Give at least one.", DataError)
     if full_scale is None:
         full_scale = max(float(r.strain.max()) for r in records)
     elif not 0.0 < full_scale <= LARGEST_STRAIN:

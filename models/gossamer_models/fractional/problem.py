@@ -293,6 +293,4 @@ def _check(record: Record, rows: Rows, settings: FractionalSettings) -> None:
         problem = f"{strain.size} samples are too few for up to {n_parameters} parameters: give twice as many"
     elif not (np.ptp(strain) > 0.0 and np.ptp(resistance) > 0.0):
         problem = "strain or resistance is constant in the training stretch"
-    if problem is not None:
-        msg = f"cannot fit {record.name!r}: {problem}."
-        raise DataError(msg)
+    require(problem is None, f"cannot fit {record.name!r}: {problem}.", DataError)

@@ -11,7 +11,7 @@ from gossamer_files.options import option
 from numpy.typing import NDArray
 
 from ..arrays import Vector
-from ..errors import DataError
+from ..errors import DataError, require
 
 Integers = NDArray[np.int64]
 
@@ -108,9 +108,7 @@ def _surface(name: str, mesh: Any, scale: float) -> MeshFile:  # noqa: ANN401
         )
         raise DataError(msg)
     quads = [kind for kind in QUADRILATERALS if kind in kinds]
-    if len(quads) > 1:
-        msg = f"{name} mixes quadrilaterals of types {', '.join(quads)}. Use one of them."
-        raise DataError(msg)
+    require(len(quads) < 2, f"{name} mixes quadrilaterals of types {', '.join(quads)}. Use one of them.", DataError)
     cells = mesh.cells_dict
     if not quads and "triangle" not in cells:
         msg = f"{name} holds no faces (quadrilaterals or triangles). Mesh the surface, not only its edges."

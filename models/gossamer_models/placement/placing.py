@@ -14,7 +14,7 @@ from gossamer_files import replacing
 from gossamer_files.options import option
 
 from ..arrays import Matrix, Vector
-from ..errors import ParameterError
+from ..errors import ParameterError, require
 from ..membrane import Sensor, Structure
 from ..twin.forward import MembraneForward
 from ..twin.groups import UNRESOLVED
@@ -280,9 +280,7 @@ def _lacked(I: Matrix, zones: int) -> bool:
 
 def _samples(noise: float, step: float, stop: float) -> int:
     for name, value in (("noise", noise), ("step", step), ("stop", stop)):
-        if not 0.0 < value < math.inf:
-            msg = f"{option(name)} is {value:g}. Write a positive number."
-            raise ParameterError(msg)
+        require(0.0 < value < math.inf, f"{option(name)} is {value:g}. Write a positive number.")
     samples = math.floor(stop / step * (1.0 + 1e-12))
     if not 2 <= samples <= 1_000_000:
         msg = f"a record of {stop:g} s at steps of {step:g} s has {samples} samples. Choose 2 to 1000000 of them."

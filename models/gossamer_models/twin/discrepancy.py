@@ -28,7 +28,7 @@ from scipy.interpolate import BSpline
 from ..arrays import Matrix
 from ..artifacts import read_arrays, read_artifact, write_artifact
 from ..compiler import kept_library
-from ..errors import ArtifactError, DataError
+from ..errors import ArtifactError, DataError, require
 from ..membrane import MembraneParams, square_structure
 from .forward import Forward, MembraneForward
 from .simulation import SensorBank
@@ -210,9 +210,7 @@ def learn(delta: Matrix, h: float, share: float = 0.99, shrunk: float = 0.0) -> 
         There are fewer than 50 pairs.
     """
     pairs, sensors, n = delta.shape
-    if pairs < 50:
-        msg = f"{pairs} pairs of histories are too few for a covariance. Simulate 50 or more."
-        raise DataError(msg)
+    require(pairs >= 50, f"{pairs} pairs of histories are too few for a covariance. Simulate 50 or more.", DataError)
     splines = spline_matrix(n, h, n * h)
     Q, R = np.linalg.qr(splines)
     c = (delta @ Q).reshape(pairs, -1)

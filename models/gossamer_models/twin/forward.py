@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from ..arrays import Matrix, Vector
 from ..batch import Batch
 from ..batch.cases import BatchState
-from ..errors import ParameterError
+from ..errors import ParameterError, require
 from ..membrane import Equilibria, Equilibrium, Structure, first_period, membrane_model, square_structure
 from ..membrane.gauges import Gauges
 
@@ -244,7 +244,5 @@ def forward_of(structure: Structure | Forward | None, parameters: Mapping[str, f
     """Return the forward model of a membrane, of the square of the thesis for None, or the one that is given."""
     if structure is None or isinstance(structure, Structure):
         return MembraneForward(structure or square_structure(), parameters)
-    if parameters:
-        msg = "a forward model has its own parameters. Make it with them."
-        raise ParameterError(msg)
+    require(not parameters, "a forward model has its own parameters. Make it with them.")
     return structure

@@ -16,7 +16,7 @@ from scipy.interpolate import BSpline
 from scipy.ndimage import shift
 
 from ..arrays import Matrix, Vector
-from ..errors import ParameterError
+from ..errors import ParameterError, require
 
 # Parameters that a factor multiplies, and the deviation of its logarithm.
 FACTORS = {
@@ -311,9 +311,7 @@ def check_names(kinds: Sequence[str], inputs: Collection[str] = ()) -> None:
             loads = f", and the loads {', '.join(list(inputs)[:8])}" if inputs else ""
             msg = f"there is no nuisance {kind!r}. Choose from {', '.join(NAMES)}{loads}."
             raise ParameterError(msg)
-    if len(set(kinds)) < len(kinds):
-        msg = f"a nuisance is named twice in {', '.join(kinds)}. Name each once."
-        raise ParameterError(msg)
+    require(len(set(kinds)) == len(kinds), f"a nuisance is named twice in {', '.join(kinds)}. Name each once.")
 
 
 def spline_basis(time: Vector, length: float, count: int) -> Matrix:

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
 from ..arrays import Matrix, Vector
-from ..errors import DataError, ParameterError
+from ..errors import DataError, ParameterError, require
 from ..membrane import Structure
 from ..sensor import SensorArtifact
 from .answer import Answer, answer_of, untold_zones
@@ -236,9 +236,7 @@ class Twin:
         doubts = [f"sensor {k + 1} does not move and is left out" for k in dead]
         doubts += [f"sensor {k + 1} has no values" for k in range(self.sensors) if k not in record.sensors]
         record = record.without(dead)
-        if not record.sensors:
-            msg = "no sensor has values that move. Check the columns and the wiring."
-            raise DataError(msg)
+        require(record.sensors, "no sensor has values that move. Check the columns and the wiring.", DataError)
         self._check(record)
         return record if self._healthy is None else less_healthy(record, self._healthy, self._undamaged(record)), doubts
 

@@ -28,7 +28,7 @@ from gossamer_files.options import option
 from lxml import etree
 from pyssp_standard.unit import Units
 
-from ..errors import ScenarioError, writing
+from ..errors import ScenarioError, require, writing
 from ..fmi.archive import check_target
 from ..fmi.slave import collect_errors
 from ..scenario.plan import Plan, make_plan
@@ -65,9 +65,7 @@ def build_container(scenario: Scenario, fmus: Path, out: Path, *, fmi: int = 2) 
     """
     out = Path(out)
     check_target(out, ".fmu")
-    if fmi not in (2, 3):
-        msg = f"a container can be FMI 2 or 3 outside, not {fmi}. Choose one of them."
-        raise ScenarioError(msg)
+    require(fmi in (2, 3), f"a container can be FMI 2 or 3 outside, not {fmi}. Choose one of them.", ScenarioError)
     if not out.stem.isidentifier() or not out.stem.isascii():
         msg = f"{out.name!r} cannot be the name of an FMU's binary. Use letters, digits and underscores, no digit first."
         raise ScenarioError(msg)

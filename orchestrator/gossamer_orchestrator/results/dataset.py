@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ResultsError
+from ..errors import ResultsError, require
 from ..names import split_endpoint, split_indices
 from ..scenario.plan import ComponentPlan, Plan
 from ..scenario.schema import Connection
@@ -260,9 +260,7 @@ def find(data: xr.Dataset, role: str) -> str:
         There is none.
     """
     found = find_all(data, role)
-    if not found:
-        msg = f"no component is a {role}. A {role} is an FMU with the model name {role!r}."
-        raise ResultsError(msg)
+    require(found, f"no component is a {role}. A {role} is an FMU with the model name {role!r}.", ResultsError)
     return found[0]
 
 

@@ -27,7 +27,7 @@ from gossamer_files import digest, replacing
 from gossamer_files.options import option
 from numpy.typing import NDArray
 
-from ..errors import ResultsError, ScenarioError, writing
+from ..errors import ResultsError, ScenarioError, require, writing
 from ..processes import shared_memory
 from ..results.dataset import attributes, plan_columns
 from ..results.files import NETCDF, RESUME, UNFINISHED_NETCDF, has_rows
@@ -101,9 +101,7 @@ def load_checkpoint(path: Path, plan: Plan) -> tuple[dict[str, Any], dict[str, A
             f"has events of its own (event mode, model exchange), so this run cannot be resumed. {again}"
         )
         raise ScenarioError(msg)
-    if not path.is_file():
-        msg = f"there is no unfinished run in {path.parent} to resume. {again}"
-        raise ResultsError(msg)
+    require(path.is_file(), f"there is no unfinished run in {path.parent} to resume. {again}", ResultsError)
     try:
         with np.load(path, allow_pickle=False) as file:
             arrays = dict(file)

@@ -25,7 +25,7 @@ import numpy as np
 from gossamer_files import replacing
 from gossamer_files.options import option
 
-from ..errors import ResultsError, ScenarioError, writing
+from ..errors import ResultsError, ScenarioError, require, writing
 from ..results.files import NETCDF, load_results, make_folder
 from ..scenario.schema import Given
 from ..scenario.values import read_changes
@@ -76,9 +76,7 @@ def read_ranges(texts: Iterable[str]) -> dict[str, list[Given]]:
     for text in texts:
         name, _, spec = (part.strip() for part in text.partition("="))
         try:
-            if not name:
-                msg = "a name is missing"
-                raise ValueError(msg)
+            require(name, "a name is missing", ValueError)
             ranges[name] = _spread(spec)
         except ValueError as error:
             msg = f"{text!r}: {error}. Write NAME=FIRST:LAST:COUNT, NAME=1:20, NAME=0.1,0.2 or NAME=VALUE."
@@ -94,9 +92,7 @@ def _spread(spec: str) -> list[Given]:
         except ValueError:
             msg = f"{spec!r} is not two numbers and how many values, such as 0:0.5:6"
             raise ValueError(msg) from None
-        if not 1 <= count <= MOST_CASES:
-            msg = f"{count} values are too few or too many"
-            raise ValueError(msg)
+        require(1 <= count <= MOST_CASES, f"{count} values are too few or too many", ValueError)
         return [float(f"{value:.12g}") for value in np.linspace(low, high, count)]
     if len(parts) == 2:
         try:
@@ -104,18 +100,12 @@ def _spread(spec: str) -> list[Given]:
         except ValueError:
             msg = f"{spec!r} is not two whole numbers; of other numbers say how many values, such as {spec}:6"
             raise ValueError(msg) from None
-        if not first <= last < first + MOST_CASES:
-            msg = "the last number is before the first, or too far away"
-            raise ValueError(msg)
+        require(first <= last < first + MOST_CASES, "the last number is before the first, or too far away", ValueError)
         return list(range(first, last + 1))
     quoted = spec.startswith(("[", '"', "'"))
-    if len(parts) > 3 and not quoted:
-        msg = f"{spec!r} has too many colons"
-        raise ValueError(msg)
+    require(quoted or len(parts) < 4, f"{spec!r} has too many colons", ValueError)
     each = [spec] if quoted else spec.split(",")
-    if not all(map(str.strip, each)):
-        msg = "a value is missing"
-        raise ValueError(msg)
+    require(all(map(str.strip, each)), "a value is missing", ValueError)
     return [read_changes([f"it={value}"])["it"] for value in each]
 
 

@@ -13,7 +13,7 @@ from gossamer_files import DataError
 from gossamer_files.measured import Column, Wanted, factor, named_column, read_columns
 from numpy.typing import NDArray
 
-from ..errors import ScenarioError
+from ..errors import ScenarioError, require
 from ..fmi.file import FmuFile
 from ..fmi.types import FLOATS, TEXTS, Value, conversion, definition_of, parse
 from ..names import split_endpoint, suggest
@@ -164,9 +164,7 @@ def _divided(title: str) -> tuple[str, str | None]:
 def _parse_cell(kind: str, text: str) -> Value:
     """Read one value of a file; unlike a start value it cannot be left out."""
     text = text.lower() if kind == "Boolean" else text
-    if not text and kind not in TEXTS:
-        msg = "there is no value"
-        raise ValueError(msg)
+    require(text or kind in TEXTS, "there is no value", ValueError)
     return parse(kind, text)
 
 
@@ -190,9 +188,7 @@ def _read_netcdf(path: Path, given: Input, kind: str) -> tuple[NDArray[np.float6
             msg = f"there is no variable {given.column!r}. {suggest(given.column, map(str, data.data_vars))}"
             raise ValueError(msg)
         column = data[given.column]
-        if column.ndim != 1:
-            msg = f"it has {column.ndim} dimensions, not one"
-            raise ValueError(msg)
+        require(column.ndim == 1, f"it has {column.ndim} dimensions, not one", ValueError)
         times = data[given.time or str(column.dims[0])]
         clock = str(times.attrs.get("units", "s")).partition(" since ")[0]
         if (seconds := factor(clock, "time")) is None:

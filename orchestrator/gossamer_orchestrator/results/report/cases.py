@@ -11,7 +11,7 @@ from gossamer_files.charts import Chart, Trace, bars, curve, points, words
 from gossamer_files.pictures import COLORS
 from gossamer_files.plots import Panels, save_charts
 
-from ...errors import ResultsError
+from ...errors import ResultsError, require
 from ...names import suggest
 from ..dataset import WATCHED, find_all
 from ..judgements import changes, true_damage
@@ -51,9 +51,7 @@ def save_cases(store: Path, folder: Path, variable: str | None, varied: Sequence
             return []
         damages = [f"{detector}.damage" for detector in find_all(data, "detector")]
         name = variable or next((each for each in damages if each in names), names[0])
-        if name not in names:
-            msg = f"no case recorded {name!r}. {suggest(name, names)}"
-            raise ResultsError(msg)
+        require(name in names, f"no case recorded {name!r}. {suggest(name, names)}", ResultsError)
         detector, _, what = name.partition(".")
         true = true_damage(data) if what == "damage" and detector in find_all(data, "detector") else ""
         judged = [f"{detector}.{each}" for each in WATCHED if f"{detector}.{each}" in data]

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 from gossamer_files.charts import Chart, section
 
-from ...errors import ResultsError
+from ...errors import ResultsError, require
 from ...pages import PAGE, Page, folded, on_page, table, write_page, written
 from ...words import counted, recorded
 from ..dataset import find_all
@@ -58,9 +58,7 @@ def run_page(data: xr.Dataset, folder: Path) -> Page:
     ResultsError
         There is not a single row.
     """
-    if not data.sizes.get("time", 0):
-        msg = f"the results for {folder} have no row. Run the scenario again."
-        raise ResultsError(msg)
+    require(data.sizes.get("time", 0), f"the results for {folder} have no row. Run the scenario again.", ResultsError)
     run = Recorded(data, folder)
     judged = DamageHistory(run)
     verdict = make_verdict(data, run.ended, run.watch)

@@ -15,7 +15,7 @@ import numpy as np
 from gossamer_files.charts import Array, Chart, Stages, band, curve, heat, points
 from gossamer_files.plots import Panels
 
-from ...errors import ResultsError
+from ...errors import ResultsError, require
 from ...words import duration
 from ..dataset import compensators, find, need, sensors
 from ..readers import Curve, Reader, Recorded, StrainError, curve_of, over_time, readers_of
@@ -218,9 +218,7 @@ def _sensors(run: Recorded) -> Panels:
 
 def _needed(run: Recorded, components: dict[int, str], role: str, variable: str) -> dict[int, str]:
     """Return components whose variable was recorded, and the strain of the membrane at each of them."""
-    if not components:
-        msg = f"there is no {role} 1; there are none."
-        raise ResultsError(msg)
+    require(components, f"there is no {role} 1; there are none.", ResultsError)
     strains, *_ = need(
         run.data, f"{find(run.data, 'membrane')}.strain", *(f"{name}.{variable}" for name in components.values())
     )
