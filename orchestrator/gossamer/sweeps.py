@@ -155,8 +155,9 @@ def sweep(
     times = [f"--{name}={options[name]!r}" for name in ("step", "stop") if options[name] is not None]
     fmus = str(Path(options["fmus"]).absolute())
     arguments = ["run", str(path.absolute()), "--fmus", fmus, "--no-pictures", "--no-csv", *times]
-    spread: sweeps.Spread = partial(sweeps.on_cores, workers=workers)
-    if scheduler is not None:
+    if scheduler is None:
+        spread: sweeps.Spread = partial(sweeps.on_cores, workers=workers)
+    else:
         from gossamer_models.campaign.run import on_cluster
 
         spread = partial(on_cluster, scheduler=scheduler)
