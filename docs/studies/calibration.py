@@ -199,8 +199,8 @@ def coverage(some: Found, zones: Rows) -> str:
 
 
 def reliability(some: Found) -> list[tuple[int, float, int]]:
-    """Return of each range of stated probabilities the zones, the sum of what is stated, and how many are damaged."""
-    bins = np.digitize(some.probability, EDGES)
+    """Return of ranges of probabilities in valid answers the zones, the sum of what is stated, and how many are damaged."""
+    bins = np.where(some.valid[:, None], np.digitize(some.probability, EDGES), 0)
     return [
         (int(here.sum()), float(some.probability[here].sum()), int((some.truth[here] > 0.0).sum()))
         for here in (bins == k for k in range(1, len(EDGES)))
@@ -229,7 +229,7 @@ def report(some: Found) -> None:
         for what, zones in (("damaged", damaged), ("healthy", ~damaged)):
             if (here := zones & rows[:, None]).any():
                 print(f"{name + ' answers, ' + what:24} {coverage(some, here)}")
-    print("P(damaged)          zones  stated  damaged")
+    print("P(damaged), valid   zones  stated  damaged")
     for (low, high), (size, stated, true) in zip(pairwise(EDGES), reliability(some), strict=True):
         print(f"{low:7.4f} to {min(high, 1.0):6.4f} {size:7d} {stated:7.1f} {true:7d}")
     even = [uniform(rank) for rank in some.of_nuisances.T]
