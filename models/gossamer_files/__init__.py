@@ -71,6 +71,12 @@ def replacing(path: Path) -> Iterator[Path]:
         unfinished.unlink(missing_ok=True)
 
 
+def write_text(path: Path, text: str) -> None:
+    """Write a text in UTF-8 as ``replacing`` does."""
+    with replacing(path) as unfinished:
+        unfinished.write_text(text, encoding="utf-8")
+
+
 def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
     """Write files, given by name, as a ZIP archive that depends on nothing but its content, whole or not at all."""
     import zipfile  # slow to load

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
-from gossamer_files import reason, replacing
+from gossamer_files import reason, replacing, write_text
 from numpy.typing import NDArray
 
 from .arrays import Vector
@@ -60,8 +60,7 @@ def write_artifact(
             unfinished.write_bytes(buffer.getvalue())
     text = json.dumps(card, indent=1)
     text = re.sub(r"\[\n[^\[\]{}\"]*\]", lambda row: " ".join(row[0].split()), text)  # a row of numbers on one line
-    with replacing(path) as unfinished:
-        unfinished.write_text(text + "\n", encoding="utf-8")
+    write_text(path, text + "\n")
     if arrays is not None:
         _new_arrays(path, card).replace(path.with_suffix(".npz"))
 

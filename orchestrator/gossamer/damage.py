@@ -182,7 +182,7 @@ def twin(
 
         gossamer twin states.csv --setup sail --healthy before.csv
     """
-    from gossamer_files import replacing
+    from gossamer_files import write_text
     from gossamer_files.measured import header_of, of_a_run
     from gossamer_models.twin import MeshErrors, Twin
     from gossamer_models.twin.nuisances import BY_DEFAULT
@@ -227,8 +227,7 @@ def twin(
         answer = fitting.fit(found.record, report=simulating)
     shown = answer.valid or show_invalid
     logger.info("%d simulations for %d values", answer.simulations, answer.samples)
-    with replacing(path) as unfinished:
-        unfinished.write_text(json.dumps(answer.as_json(show_invalid=shown), indent=1) + "\n", encoding="utf-8")
+    write_text(path, json.dumps(answer.as_json(show_invalid=shown), indent=1) + "\n")
     compared = _compared(source, found.record, answer.record, stop)
     pages = save_page(lambda: twin_page(name_of(source), answer, compared, shown=shown), path.with_suffix(""))
     return TwinAnswer(files=[path, *pages], answer=answer, compared=compared, shown=shown)

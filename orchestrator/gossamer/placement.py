@@ -288,7 +288,7 @@ def place_sensors(
 
         gossamer place-sensors --setup sail --load states.csv
     """
-    from gossamer_files import replacing
+    from gossamer_files import write_text
     from gossamer_models.membrane import MembraneParams, square_structure
     from gossamer_models.placement import GAUGE_NOISE, NOISE, STEP, STOP, save_picture, sensors_text, write_csv
     from gossamer_models.placement import place_sensors as place
@@ -336,9 +336,7 @@ def place_sensors(
             records=check,
             report=report,
         )
-    folder.mkdir(parents=True, exist_ok=True)
     write_csv(found, table)
     save_picture(found, picture)
-    with replacing(sensors) as unfinished:
-        unfinished.write_text(sensors_text(found), encoding="utf-8")
+    write_text(sensors, sensors_text(found))
     return SensorPlacement(files=[table, picture, sensors], result=found).with_page(folder)

@@ -82,13 +82,12 @@ class Watching(Saved):
 
     def end(self, console: Console) -> None:
         """Print a summary, and write the file."""
-        from gossamer_files import as_json, replacing
+        from gossamer_files import as_json, write_text
 
         console.print(self.summary, highlight=False)
         for line in self.more():
             console.print(line, style="bold yellow", highlight=False)
-        with replacing(self.path) as unfinished:
-            unfinished.write_text(json.dumps(as_json(self.content), indent=1) + "\n", encoding="utf-8")
+        write_text(self.path, json.dumps(as_json(self.content), indent=1) + "\n")
 
     @property
     def alarmed(self) -> bool:

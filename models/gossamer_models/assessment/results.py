@@ -154,7 +154,6 @@ class AssessmentResults:
 
 def write_assessment(assessment: AssessmentResults, folder: Path) -> list[Path]:
     """Write the results as JSON and, in percent, as CSV; return the paths."""
-    folder.mkdir(parents=True, exist_ok=True)
     content = as_json(assessment)
     write_artifact(folder / FILE, SCHEMA, VERSION, content.pop("provenance"), content)
     tables = {

@@ -206,7 +206,8 @@ def run_chunk(campaign: CampaignPlan, kernels: Kernels, chunk: int) -> dict[str,
     cases = draw_cases(campaign, campaign.numbers(chunk))
     varied = {name: value for name, value in cases.varied.items() if name not in (NOISE, LOAD)}
     first, acting = acting_on(campaign, cases)
-    start: dict[str, ArrayLike] = {**campaign.membrane.parameters, **first, **varied, "damage": _damage_at(0.0, cases)}
+    there = np.where(cases.onset[:, None] <= 0.0, cases.damage, 0.0)
+    start: dict[str, ArrayLike] = {**campaign.membrane.parameters, **first, **varied, "damage": there}
     run = kernels.membrane.run(campaign.steps, campaign.step, start, _damage_histories(campaign, cases) | acting)
     histories, failed = {"strain": run.results}, run.failed
     if kernels.chain is not None:
@@ -233,11 +234,6 @@ def acting_on(campaign: CampaignPlan, cases: Cases) -> tuple[dict[str, ArrayLike
         {name: np.multiply.outer(factor, load) for name, load in each.items()} for each in (loads.start, loads.histories)
     )
     return first, acting
-
-
-def _damage_at(time: float, cases: Cases) -> Matrix:
-    """Return the damage [1] that is there at a time [s], shape (n, zones)."""
-    return np.where(cases.onset[:, None] <= time, cases.damage, 0.0)
 
 
 def _damage_histories(campaign: CampaignPlan, cases: Cases) -> dict[str, ArrayLike]:

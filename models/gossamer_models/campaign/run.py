@@ -172,12 +172,8 @@ def run_campaign(
     log.info("%d of %d cases are to be simulated, in %d chunks", simulated, campaign.count, len(missing))
     report = progress or (lambda *_: None)
     report(done, campaign.count)
-    finished = (
-        on_cluster(partial(write_chunk, task), missing, scheduler)
-        if scheduler
-        else _on_cores(task, missing, workers or _cores())
-    )
-    for chunk in finished:
+    work = partial(write_chunk, task)
+    for chunk in on_cluster(work, missing, scheduler) if scheduler else _on_cores(task, missing, workers):
         done += len(campaign.numbers(chunk))
         log.info("chunk %d is finished after %.1f s", chunk, time.perf_counter() - begun)
         report(done, campaign.count)
@@ -229,12 +225,9 @@ def _kernels(pickled: bytes) -> Kernels | None:
     return kernels
 
 
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _on_cores(task: ChunkTask, chunks: Sequence[int], workers: int) -> Iterator[int]:
+def _on_cores(task: ChunkTask, chunks: Sequence[int], workers: int | None) -> Iterator[int]:
     """Run chunks in processes of this machine and yield each that is finished; replace workers that die."""
+    workers = workers or (len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)
     left = list(chunks)
     deaths = 0
     while left:

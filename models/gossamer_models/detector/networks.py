@@ -75,8 +75,7 @@ def triangular_memberships(damage: ArrayLike, peaks: ArrayLike) -> Vector:
         Memberships; they add up to one.
     """
     p, x = np.asarray(peaks, dtype=float), np.asarray(damage, dtype=float)
-    identity = np.eye(p.size)
-    return np.stack([np.interp(x, p, row) for row in identity], axis=-1)
+    return np.stack([np.interp(x, p, row) for row in np.eye(p.size)], axis=-1)
 
 
 def defuzzify(O: ca.MX, peaks: ca.DM, method: Defuzzification = "centroid", least: float = 1e-300) -> ca.MX:

@@ -148,8 +148,13 @@ class ResponseRecord:
         Where it is not given, from differences of order m = 6: those of a smooth history vanish, those of white noise
         have the variance :math:`\binom{2m}{m} \sigma^2`. It is never smaller than what a history of this step leaves.
         """
-        if self.noise is not None:
-            return self._noise_as_given()
+        if self.noise is None:
+            return self._estimated_noise(predicted)
+        given = np.broadcast_to(np.asarray(self.noise, dtype=float), self.values.shape[:1]).copy()
+        given[~self.present.any(axis=1)] = np.nan
+        return given
+
+    def _estimated_noise(self, predicted: Matrix | float) -> Vector:
         found, left = np.full(len(self.values), np.nan), self.values - predicted
         for k in self.sensors:
             d = np.diff(left[k], DIFFERENCES)
@@ -160,11 +165,6 @@ class ResponseRecord:
             spread = float(np.nanmax(self.values[k]) - np.nanmin(self.values[k]))
             found[k] = max(math.sqrt(float(np.mean(d**2)) / math.comb(2 * DIFFERENCES, DIFFERENCES)), 1e-7 * spread)
         return found
-
-    def _noise_as_given(self) -> Vector:
-        given = np.broadcast_to(np.asarray(self.noise, dtype=float), self.values.shape[:1]).copy()
-        given[~self.present.any(axis=1)] = np.nan
-        return given
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -212,10 +212,7 @@ class StaticRecord(ResponseRecord):
         many, own = (np.bincount(each.state, minlength=each.states) for each in (other, self))
         return means[:, other.state], math.sqrt(float((many / own).max()))  # a mean is the same for all readings of a state
 
-    def noise_deviation(self, predicted: Matrix | float = 0.0) -> Vector:  # noqa: ARG002 repeated readings need none
-        """Return the standard deviation of the noise of each sensor, shape (sensors,): given, or of repeated readings."""
-        if self.noise is not None:
-            return self._noise_as_given()
+    def _estimated_noise(self, predicted: Matrix | float) -> Vector:  # noqa: ARG002 repeated readings need none
         found = np.full(len(self.values), np.nan)
         for k in self.sensors:
             rows = [self.values[k][(self.state == each) & self.present[k]] for each in range(self.states)]

@@ -279,7 +279,7 @@ def flatten(path: Path, described: Iterable[Any], sizes: Mapping[str, int]) -> t
         if not variable.dimensions:
             variables[variable.name] = variable
             continue
-        shape = [_size(dimension, sizes) for dimension in variable.dimensions]
+        shape = [int(d.start) if (v := d.variable) is None else sizes.get(v.name, int(v.start)) for d in variable.dimensions]
         if not 0 <= prod(shape) <= MAX_ELEMENTS:
             msg = (
                 f"{path}: its array {variable.name!r} has {' x '.join(map(str, shape))} elements, and at most "
@@ -292,12 +292,6 @@ def flatten(path: Path, described: Iterable[Any], sizes: Mapping[str, int]) -> t
         for name, start in zip(names, starts, strict=True):
             variables[name] = evolve(variable, name=name, start=start)
     return variables, arrays
-
-
-def _size(dimension: Any, sizes: Mapping[str, int]) -> int:  # noqa: ANN401
-    if dimension.variable is None:
-        return int(dimension.start)
-    return sizes.get(dimension.variable.name, int(dimension.variable.start))
 
 
 def _starts(variable: Any, size: int) -> list[str | None]:  # noqa: ANN401

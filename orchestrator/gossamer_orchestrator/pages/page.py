@@ -21,7 +21,7 @@ from typing import Any, Literal
 from urllib.parse import quote
 
 import numpy as np
-from gossamer_files import as_json, replacing
+from gossamer_files import as_json, write_text
 from gossamer_files.charts import Chart
 from gossamer_files.tables import TableText
 
@@ -107,9 +107,7 @@ def write_page(page: Page, path: Path) -> Path:
         ),
     )
     with writing(path, ResultsError):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(path) as new:
-            new.write_text(text, encoding="utf-8")
+        write_text(path, text)
     return path
 
 

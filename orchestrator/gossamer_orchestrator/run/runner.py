@@ -12,7 +12,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
-from gossamer_files import replacing
+from gossamer_files import write_text
 from gossamer_files.options import option
 
 from ..errors import OrchestratorError, ResultsError, check_path, writing
@@ -290,5 +290,4 @@ class Messages(logging.Handler):
             if not self.texts:
                 path.unlink(missing_ok=True)
                 return
-            with replacing(path) as new:
-                new.write_text("\n".join(self.texts) + "\n", encoding="utf-8")
+            write_text(path, "\n".join(self.texts) + "\n")

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
-from gossamer_files import replacing
+from gossamer_files import replacing, write_text
 from gossamer_files.options import option
 
 from ..errors import ResultsError, ScenarioError, require, writing
@@ -220,8 +220,8 @@ def _keep_plan(out: Path, cases: Sequence[Case], command: Sequence[str]) -> None
     if path.is_file() and json.loads(path.read_text(encoding="utf-8")) != plan:
         msg = f"{out} holds another sweep. Name another folder with {option('out')}, or remove it."
         raise ResultsError(msg)
-    with writing(path, ResultsError), replacing(path) as new:
-        new.write_text(json.dumps(plan), encoding="utf-8")
+    with writing(path, ResultsError):
+        write_text(path, json.dumps(plan))
 
 
 TABLE, STORE = "cases.csv", "sweep.zarr"
