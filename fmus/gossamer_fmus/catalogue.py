@@ -145,10 +145,8 @@ def make_model(name: str, *, compiled: bool = False, **options: Unpack[ModelOpti
         raise ParameterError(msg)
     if name == "sensor":
         return fractional.fractional_sensor_model(fractional.FractionalArtifact.read(artifact))
-    msg = (
-        f"{artifact} holds a fractional model, which has no inverse: no compensator can be built from it. For a "
-        f"compensator, identify the same records with {option('model', 'preisach')}; or build the sensor alone."
-    )
+    advice = f"For a compensator, identify the same records with {option('model', 'preisach')}; or build the sensor alone."
+    msg = f"{artifact} holds a fractional model, which has no inverse: no compensator can be built from it. {advice}"
     raise ParameterError(msg)
 
 

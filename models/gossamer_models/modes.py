@@ -284,10 +284,8 @@ def exponential_sum(
             logarithms = np.sort(logarithms)
             weights = problem.coefficients(logarithms)
             return np.exp(logarithms[weights > 0.0]), weights[weights > 0.0]
-    msg = (
-        f"{MOST_TERMS} exponentials reach {worst:.2e} > {tolerance:.2e} for exp(-{rate:g} t**{exponent:g}). "
-        "Allow a larger error or a shorter range of times."
-    )
+    advice = "Allow a larger error or a shorter range of times."
+    msg = f"{MOST_TERMS} exponentials reach {worst:.2e} > {tolerance:.2e} for exp(-{rate:g} t**{exponent:g}). {advice}"
     raise ConvergenceError(msg)
 
 

@@ -126,10 +126,8 @@ def find_in_results(
     names = {v.name for v in structure.table if v.causality == "parameter"}
     recorded = dataset.parameters_of(data, membrane)
     if unknown := [name for name in recorded if name.startswith("youngs_modulus") and name not in names]:
-        msg = (
-            f"the membrane of the results has a parameter {unknown[0]!r}, that of the twin has none. Name the setup that "
-            f"its FMU was built from with {option('setup')}."
-        )
+        advice = f"Name the setup that its FMU was built from with {option('setup')}."
+        msg = f"the membrane of the results has a parameter {unknown[0]!r}, that of the twin has none. {advice}"
         raise OrchestratorError(msg)
     recorded = {name: value for name, value in recorded.items() if name in names}
     units = input_units(structure)

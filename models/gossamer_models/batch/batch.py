@@ -183,10 +183,8 @@ def _without_tables(model: StepModel) -> StepModel:
     if model.tables is None:
         return model
     if model.expression is None:
-        msg = (
-            f"model {model.name!r} has loops over tables, which only compiled code runs. Make it without compiled=True, or "
-            f"install the compiler with: pip install {PACKAGE}"
-        )
+        advice = f"Make it without compiled=True, or install the compiler with: pip install {PACKAGE}"
+        msg = f"model {model.name!r} has loops over tables, which only compiled code runs. {advice}"
         raise ParameterError(msg)
     return model.expression()
 

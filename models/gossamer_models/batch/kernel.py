@@ -92,10 +92,8 @@ class Kernel:
     def __init__(self, file: Path, compiled_for: str | None = None) -> None:
         self._file, self._processor = file, compiled_for or processor()
         if self._processor != processor() or not is_whole(file):
-            msg = (
-                f"the compiled kernel {file} is not on this machine, is damaged, or is for another processor. "
-                "Make the Batch on this machine."
-            )
+            advice = "Make the Batch on this machine."
+            msg = f"the compiled kernel {file} is not on this machine, is damaged, or is for another processor. {advice}"
             raise StateError(msg)
         library = ctypes.CDLL(str(file))
         self._run_blocks, memory_size = library.run_blocks, library.memory_size

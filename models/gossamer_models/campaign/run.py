@@ -207,10 +207,8 @@ def write_chunk(task: ChunkTask, chunk: int) -> int:
         group = open_store(task.path, task.campaign, kernels)
         write_cases(group, task.campaign.numbers(chunk), content)
     except OSError as error:
-        msg = (
-            f"cannot write to {task.path}: {error.strerror or error}. Finished chunks are kept: make room, and run it again "
-            "to go on."
-        )
+        advice = "Finished chunks are kept: make room, and run it again to go on."
+        msg = f"cannot write to {task.path}: {error.strerror or error}. {advice}"
         raise CampaignStoppedError(msg) from error
     return chunk
 
@@ -240,10 +238,8 @@ def _on_cores(task: ChunkTask, chunks: Sequence[int], workers: int | None) -> It
         except BrokenExecutor as error:
             deaths += 1
             if deaths == DEATHS:
-                msg = (
-                    f"workers died {deaths} times in a row, for want of memory perhaps. Finished chunks are kept: run it "
-                    "again with fewer workers."
-                )
+                advice = "Finished chunks are kept: run it again with fewer workers."
+                msg = f"workers died {deaths} times in a row, for want of memory perhaps. {advice}"
                 raise CampaignStoppedError(msg) from error
         finally:
             pool.shutdown(cancel_futures=True)

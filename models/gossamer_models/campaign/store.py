@@ -104,10 +104,8 @@ def _open(path: Path, mode: Any) -> zarr.Group:  # noqa: ANN401
         msg = f"{path} is not the store of a campaign. Name its folder, or another one for a new campaign."
         raise DataError(msg) from error
     if (schema, number) != (SCHEMA, VERSION):
-        msg = (
-            f"{path} holds {schema!r} version {number!r}; this program reads {SCHEMA!r} version {VERSION}. "
-            "Run the campaign again with this version of Gossamer, into another folder."
-        )
+        advice = "Run the campaign again with this version of Gossamer, into another folder."
+        msg = f"{path} holds {schema!r} version {number!r}; this program reads {SCHEMA!r} version {VERSION}. {advice}"
         raise DataError(msg)
     return group
 

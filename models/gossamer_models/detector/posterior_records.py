@@ -160,10 +160,8 @@ def cut_windows(data: xr.Dataset, number: int, samples: int, last: bool, seed: i
     """
     steps, first = data.sizes["time"], number * samples
     if steps < first + samples:
-        msg = (
-            f"{number + 1} windows of {samples} samples need {first + samples} steps, the campaign has {steps}. Make its "
-            "'stop' longer."
-        )
+        advice = "Make its 'stop' longer."
+        msg = f"{number + 1} windows of {samples} samples need {first + samples} steps, the campaign has {steps}. {advice}"
         raise DataError(msg)
     n = data.sizes["case"]
     slack = steps - first - samples if last else 0

@@ -191,10 +191,8 @@ def calibrate(
        arXiv:1706.04599.
     """
     if len(held_out.damage) < FEWEST:
-        msg = (
-            f"{len(held_out.damage)} held-out cases are too few to calibrate a detector, {FEWEST} are the least. Run more "
-            "cases."
-        )
+        advice = "Run more cases."
+        msg = f"{len(held_out.damage)} held-out cases are too few to calibrate a detector, {FEWEST} are the least. {advice}"
         raise DataError(msg)
     clean, d = symmetry.images(held_out.records, held_out.damage)
     noisy = sensing.samples(clean, random)

@@ -99,10 +99,8 @@ def train_networks(I: Vector, damages: Vector, levels: int, peaks: ArrayLike = P
     paths = np.concatenate([np.repeat(I[None, :1], zones, axis=0), I[1:alone].reshape(zones, levels, -1)], axis=1)
     roughness = np.sqrt(np.mean((paths[:, 1:-1] - 0.5 * (paths[:, :-2] + paths[:, 2:])) ** 2, axis=(0, 1)))
     if roughness.min() <= 0.0 or not np.isfinite(roughness).all():
-        msg = (
-            f"index {int(roughness.argmin()) + 1} is not finite, or linear in damage to the last bit. Check the strains it "
-            "comes from."
-        )
+        advice = "Check the strains it comes from."
+        msg = f"index {int(roughness.argmin()) + 1} is not finite, or linear in damage to the last bit. {advice}"
         raise DataError(msg)
     D = ((I[:, None] - I[None]) ** 2) @ roughness**-2
     reach = np.sort(D + np.diag(np.full(n, np.inf)), axis=0)[:2].mean(axis=0)

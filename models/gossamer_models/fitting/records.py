@@ -259,10 +259,8 @@ def training_rows(record: Record, train: str, end: float | None = None) -> Rows:
     end = float(record.time[-1]) if end is None else end
     if high is not None and high > end + max(ROUNDED * end, float(np.median(np.diff(record.time)))):
         half = float(f"{0.5 * end:.3g}")
-        msg = (
-            f"{record.name} ends at {end:g} s, counted from its first sample, and {train!r} goes beyond. Write "
-            f"0:{half:g} for its first half, or 100% for all of it."
-        )
+        advice = f"Write 0:{half:g} for its first half, or 100% for all of it."
+        msg = f"{record.name} ends at {end:g} s, counted from its first sample, and {train!r} goes beyond. {advice}"
         raise DataError(msg)
     return rows
 
@@ -312,10 +310,8 @@ def strain_range(records: Sequence[Record], full_scale: float | None) -> float:
         beyond = np.flatnonzero((r.strain > full_scale) | (r.strain < 0.0))
         if beyond.size:
             k = int(beyond[0])
-            msg = (
-                f"{r.name}, line {r.lines[k]}: strain {r.strain[k]:g} is outside 0 to full scale {full_scale:g}. Raise the "
-                "full scale or leave the samples out."
-            )
+            advice = "Raise the full scale or leave the samples out."
+            msg = f"{r.name}, line {r.lines[k]}: strain {r.strain[k]:g} is outside 0 to full scale {full_scale:g}. {advice}"
             raise DataError(msg)
     return full_scale
 

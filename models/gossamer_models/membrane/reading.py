@@ -102,10 +102,8 @@ def _surface(name: str, mesh: Any, scale: float) -> MeshFile:  # noqa: ANN401
     kinds = {cells.type for cells in mesh.cells}
     others = sorted(kinds - {*QUADRILATERALS, "triangle", *_IGNORED})
     if others:
-        msg = (
-            f"{name} holds elements of type {', '.join(others)}. A membrane is made of quad, quad8, quad9 and triangle; "
-            "mesh the surface alone, with straight triangles."
-        )
+        advice = "A membrane is made of quad, quad8, quad9 and triangle; mesh the surface alone, with straight triangles."
+        msg = f"{name} holds elements of type {', '.join(others)}. {advice}"
         raise DataError(msg)
     quads = [kind for kind in QUADRILATERALS if kind in kinds]
     require(len(quads) < 2, f"{name} mixes quadrilaterals of types {', '.join(quads)}. Use one of them.", DataError)

@@ -54,10 +54,8 @@ class SensorBank:
         known: dict[str, ArrayLike] = {**starts, "rest_strain": rest_strain, **(parameters or {})}
         for name, value in known.items():
             if np.shape(value) not in ((), (1,), (count,)):
-                msg = (
-                    f"sensor parameter {name!r} has shape {np.shape(value)}. Give one value, or one for each of {count} "
-                    "sensors."
-                )
+                advice = f"Give one value, or one for each of {count} sensors."
+                msg = f"sensor parameter {name!r} has shape {np.shape(value)}. {advice}"
                 raise ParameterError(msg)
         self.parameters = {name: np.broadcast_to(value, (count,)) for name, value in known.items()}
         self._batch = Batch(model, ("resistance",), ("strain",))

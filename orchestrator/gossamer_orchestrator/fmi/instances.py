@@ -200,10 +200,8 @@ def _load_integrator(fmu: FmuFile) -> type[Integrator]:
     try:
         from .integrator import Integrator
     except (ImportError, OSError) as error:
-        msg = (
-            f"{fmu.path} is for model exchange, and FMPy has no SUNDIALS for this machine: {error}. Export it for "
-            "co-simulation."
-        )
+        advice = "Export it for co-simulation."
+        msg = f"{fmu.path} is for model exchange, and FMPy has no SUNDIALS for this machine: {error}. {advice}"
         raise FmuError(msg) from error
     return Integrator
 

@@ -80,10 +80,8 @@ def align(
             predicted, measured = fit.predicted[k][train[k]], records[k].resistance[train[k]]
             gain = float(np.cov(predicted, measured)[0, 1] / np.var(predicted, ddof=1))
             if not LEAST_GAIN < gain < MOST_GAIN:
-                msg = (
-                    f"{records[k].name} does not follow {records[own[0]].name}: its gain would be {gain:.3g}. Leave it "
-                    "out, or fit it alone."
-                )
+                advice = "Leave it out, or fit it alone."
+                msg = f"{records[k].name} does not follow {records[own[0]].name}: its gain would be {gain:.3g}. {advice}"
                 raise DataError(msg)
             scales[k] = RelativeScale(offset=float(measured.mean() - gain * predicted.mean()), gain=gain)
         for k in own:

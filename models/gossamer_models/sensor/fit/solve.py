@@ -93,10 +93,8 @@ def choose_ridge(
         for fitted, held in forward_cuts(train):
             parts = tuple(replace(s, train=rows) for s, rows in zip(regression.stretches, fitted, strict=True))
             if not any(moves(s.strain[s.train]) for s in parts):
-                msg = (
-                    "the strain rests in the first half of the training stretch, so no ridge can be chosen. Give a number "
-                    f"({option('ridge')})."
-                )
+                advice = f"Give a number ({option('ridge')})."
+                msg = f"the strain rests in the first half of the training stretch, so no ridge can be chosen. {advice}"
                 raise DataError(msg)
             part = replace(regression, stretches=parts)
             function = weight_function(trial, part, rest_resistance)
