@@ -13,7 +13,7 @@ from gossamer_orchestrator.errors import OrchestratorError
 from .arguments import Count, CountOrNone, File, Folder, NamesWithCommas, NotNegative, Values, assigned, command, names_of
 from .records import numbers_by_name
 from .results import Saved, first_of, zone_coordinates
-from .working import keep_inputs, progress_bar
+from .working import keep_inputs, progress_bar, save_page
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -339,4 +339,6 @@ def place_sensors(
     write_csv(found, table)
     save_picture(found, picture)
     write_text(sensors, sensors_text(found))
-    return SensorPlacement(files=[table, picture, sensors], result=found).with_page(folder)
+    files = [table, picture, sensors]
+    pages = save_page(SensorPlacement(files=files, result=found).describe, folder)
+    return SensorPlacement(files=[*files, *pages], result=found)

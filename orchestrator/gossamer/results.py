@@ -6,19 +6,16 @@ import base64
 import io
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from gossamer_files.tables import TableText
-
-from .working import save_page
 
 if TYPE_CHECKING:
     import xarray as xr
     from gossamer_files.charts import Chart
-    from gossamer_orchestrator.pages import Page
     from rich.console import Console
     from rich.table import Table
 
@@ -81,14 +78,6 @@ class Result:
     def picture(self) -> bytes | None:
         """Return a PNG file."""
         return None
-
-    def describe(self) -> Page:
-        """Return the page of it."""
-        raise NotImplementedError
-
-    def with_page(self, folder: Path) -> Self:
-        """Write its page into a folder; return the result with it."""
-        return replace(self, files=[*self.files, *save_page(self.describe, folder)])  # type: ignore[type-var]
 
     def to_json(self) -> dict[str, Any]:
         """Return all as JSON: keys end in the unit (``time_s``), ratios have none, or ``units`` stands beside them."""

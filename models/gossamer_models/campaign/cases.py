@@ -107,11 +107,6 @@ def generator(seed: int, *key: int) -> np.random.Generator:
     return np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=key)))
 
 
-def noise_generator(seed: int, number: int, draw: int, kind: int) -> np.random.Generator:
-    """Return the generator of the noise of a case: of its first, second, ... draw, and of a kind of signal."""
-    return generator(seed, _NOISE, number, draw, kind)
-
-
 @lru_cache(maxsize=256)
 def _strata(seed: int, cases: int, column: int) -> NDArray[np.int64]:
     return generator(seed, _STRATA, column).permutation(cases)
@@ -181,7 +176,7 @@ def unit_noise(
     if law is None:
         return noise
     for row, number in zip(noise, numbers, strict=True):
-        row[:] = law.draw(row.shape, noise_generator(seed, number, draw, _KINDS[kind]))
+        row[:] = law.draw(row.shape, generator(seed, _NOISE, number, draw, _KINDS[kind]))
     return noise
 
 

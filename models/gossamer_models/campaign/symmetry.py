@@ -137,8 +137,7 @@ def mirrors(structure: Structure) -> Iterator[Symmetry]:
     is the structure itself alone.
     """
     zones, gauges = structure.zone_places, structure.setup.sensors
-    places = structure.sensor_places
-    directions = np.array([sensor.direction for sensor in gauges]).reshape(-1, 3)
+    places, directions = (np.array([getattr(each, of) for each in gauges]).reshape(-1, 3) for of in ("point", "direction"))
     along = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     nodes = structure.mesh.nodes
     middle = (nodes.min(axis=0) + nodes.max(axis=0)) / 2.0

@@ -97,7 +97,7 @@ def judge_window(
     c, r = components(window, x)
     outside, freedom = ca.sum2(r**2), degrees_of_freedom(window)
     s2 = ca.sum1(outside) / freedom.sum() + FLOOR**2
-    features = ca.vertcat(c * ca.sqrt(lam) / (lam + s2), log_noise(s2))
+    features = ca.vertcat(c * ca.sqrt(lam) / (lam + s2), 0.5 * ca.log10(s2) + 3.5)
     signs = image_signs(window.signs, window.sectors)
     images = ca.repmat(features, 1, signs.shape[1]) * ca.DM(signs)
     *_, hidden, heads = (fuzzy_rules if window.network == "neuro-fuzzy" else layers)(window.encoder, images)
@@ -149,11 +149,6 @@ def risk_of(P: ca.MX, m: ca.MX, sd: ca.MX) -> ca.MX:
     missed = P * 0.5 * (1.0 + ca.erf((m - WRONG) / (math.sqrt(2.0) * sd)))
     called = P * beyond + (1.0 - P) * (m > WRONG)
     return ca.fmin(ca.sum1(ca.if_else(P >= 0.5, called, missed)), 1.0)
-
-
-def log_noise(s2: ca.MX) -> ca.MX:
-    """Return the feature that states the noise: the logarithm of its variance [1] over a middling one."""
-    return 0.5 * ca.log10(s2) + 3.5
 
 
 def degrees_of_freedom(parts: Components) -> Vector:

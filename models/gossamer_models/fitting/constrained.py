@@ -178,10 +178,6 @@ class GaussNewton:
         """Replace the linear parameters by the best ones for the others."""
         return self._step(x, self.linear, self._slopes_by_q(x), 0.0)
 
-    def feasible(self, x: Vector) -> bool:
-        """Tell whether no constraint is violated by more than rounding."""
-        return bool((self._parts(self._value(x)[:, 0])[1] > -1e-7).all())
-
     def minimize(
         self, x: Vector, *, most: int = 60, tolerance: float = 1e-5, watch: Callable[[int, float], None] | None = None
     ) -> Solution:
@@ -212,7 +208,7 @@ class GaussNewton:
                 trial = self._step(x, everything, slopes, damping)
                 trial = self.project(np.where(self.problem.linear, x, trial))
                 found = self.cost(trial)
-                if found <= cost and self.feasible(trial):
+                if found <= cost and (self._parts(self._value(trial)[:, 0])[1] > -1e-7).all():  # but for rounding
                     break
                 damping *= 6.0
                 if damping > 1e8:

@@ -215,11 +215,6 @@ class Structure:
         zone = self.zone_of_elements
         return np.array([np.average(middles[zone == k], axis=0, weights=self.areas[zone == k]) for k in range(self.n_zones)])
 
-    @property
-    def sensor_places(self) -> Vector:
-        """Middles of the gauges on the reference shape [m], shape (sensors, 3)."""
-        return np.array([sensor.point for sensor in self.setup.sensors]).reshape(-1, 3)
-
     def finer(self) -> Structure:
         """Return the membrane with spectral elements two orders higher, or all other elements in four.
 

@@ -150,9 +150,8 @@ def spline_matrix(steps: int, h: float, length: float) -> Matrix:
     time = h * np.arange(1, steps + 1)
     inside = time <= count * SPACING * (1.0 + 1e-12)
     found = np.zeros((steps, count + DEGREE))
-    found[inside] = BSpline.design_matrix(
-        np.minimum(time[inside], count * SPACING), knots, DEGREE, extrapolate=True
-    ).toarray()
+    at = np.minimum(time[inside], count * SPACING)
+    found[inside] = BSpline.design_matrix(at, knots, DEGREE, extrapolate=True).toarray()
     return found
 
 

@@ -185,11 +185,6 @@ class Nuisances:
         return (*names, *(f"{name}[{k + 1}]" for name in self.unknown for k in range(self.knots)))
 
     @property
-    def spare(self) -> int:
-        """Samples that are simulated after the end of a record."""
-        return SPARE if "clock" in self.kinds else 0
-
-    @property
     def names(self) -> tuple[str, ...]:
         """Names of all, in order."""
         each = (kind for kind in ("offset", "gain") if kind in self.kinds)

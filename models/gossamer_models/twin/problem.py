@@ -19,7 +19,7 @@ from ..arrays import Matrix, Rows, Vector
 from .discrepancy import Discrepancy, spline_matrix
 from .forward import LANES, WORKERS, Forward
 from .least_squares import DAMAGE_STEP, MOST_DAMAGE, PRIOR_DEVIATION, LeastSquares, Point, neighbours, require_finite
-from .nuisances import BEYOND, SENSOR, Nuisances
+from .nuisances import BEYOND, SENSOR, SPARE, Nuisances
 from .record import ResponseRecord, StaticRecord
 from .sensor_error import SensorError
 from .simulation import SensedForward
@@ -374,4 +374,4 @@ class RecordProblem(DamageUnknowns, LeastSquares):
             self.simulations += len(x)
         if isinstance(record, StaticRecord):
             return self.histories(x, record.states, 0.0)[:, :, record.state]
-        return self.histories(x, record.samples + self.nuisances.spare, record.step)
+        return self.histories(x, record.samples + SPARE * ("clock" in self.nuisances.kinds), record.step)
