@@ -96,7 +96,7 @@ def judge(world: str, count: int) -> str:
     if sensors == "specimen":  # whose records have a noise of their own
         values, noise = flown_resistance(histories[1:], STEP), None
     else:
-        values = reader(LEVELS.get(sensors, 0.0), 5, histories[0], rest)(histories)
+        values = reader(LEVELS["exact" if sensors == WORN else sensors], 5, histories[0], rest)(histories)
         values = worn(values) if sensors == WORN else values
         noise = NOISE * float(np.ptp(values[0], axis=1).mean())
         values = values[1:] + noise * np.random.default_rng(1).standard_normal(values[1:].shape)

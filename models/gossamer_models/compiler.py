@@ -72,7 +72,7 @@ def kept_library(depends_on: Iterable[str | bytes], suffix: str, compile_it: Cal
         What is compiled, for the log.
     """
     key = hashlib.sha256()
-    for part in [compiler_version(), *FLAGS, *depends_on]:
+    for part in [compiler_version() if has_compiler() else "", *FLAGS, *depends_on]:
         data = part.encode() if isinstance(part, str) else part
         key.update(len(data).to_bytes(8, "little") + data)
     name = key.hexdigest()[:_DIGITS]

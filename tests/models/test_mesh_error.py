@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from gossamer_models import DataError, ParameterError
-from gossamer_models.membrane import Region, Sensor, Setup, Support, Zone, make_structure, surface_mesh
+from gossamer_models.membrane import Region, Sensor, Setup, Support, Zone, make_structure, square_structure, surface_mesh
 from gossamer_models.sensor import default_artifact
-from gossamer_models.twin import MembraneForward, MeshErrors, StaticRecord, Twin, discrepancy, mesh_error
+from gossamer_models.twin import MembraneForward, MeshErrors, ResponseRecord, StaticRecord, Twin, discrepancy, mesh_error
 from gossamer_models.twin.simulation import SensorBank
 from oracles.meshes import meshed, rectangle
 
@@ -134,10 +134,23 @@ def test_the_error_behind_sensors_is_one_of_what_they_read(coarse):
     np.testing.assert_allclose(behind.finer[0], (1.0 + 50.0 * two) ** 2 - (1.0 + 50.0 * one) ** 2, rtol=1e-3, atol=1e-7)
 
 
-def test_what_a_square_lacks_behind_sensors_is_learned_of_what_they_read_and_kept(monkeypatch):
+def kept_in(folder):
+    """Keep what is made in a folder of the test: the user's cache may have it from an earlier run."""
+
+    def kept(depends_on, suffix, make, _):
+        file = folder / f"{hash(tuple(depends_on))}{suffix}"
+        if not file.exists():
+            file.write_bytes(make())
+        return file
+
+    return kept
+
+
+def test_what_a_square_lacks_behind_sensors_is_learned_of_what_they_read_and_kept(monkeypatch, tmp_path):
     """Of pairs that it was not learned from, the covariance explains most; another sensor needs no further simulations."""
     pytest.importorskip("ziglang", reason="simulations need the compiler for their speed")
     monkeypatch.setattr(discrepancy, "CHUNKS", 4)
+    monkeypatch.setattr(discrepancy, "kept_library", kept_in(tmp_path))
     length, steps = 20 * discrepancy.SPACING, 222
     strain = discrepancy.Discrepancy(
         elements_per_side=4, order=1, length=length, components=np.zeros((1, 4, 23)), provenance={}
@@ -155,3 +168,16 @@ def test_what_a_square_lacks_behind_sensors_is_learned_of_what_they_read_and_kep
     another = strain.behind(SensorBank(default_artifact(), 4, 0.02, {"full_scale_resistance_change": 10.0}))
     assert another.components.shape == behind.components.shape
     assert not np.allclose(another.components, behind.components)
+    with pytest.raises(ParameterError, match="Write that of strain"):
+        behind.write(tmp_path / "behind.json")
+
+
+def test_what_the_thesis_square_lacks_behind_sensors_is_not_used_for_another_membrane():
+    twin = Twin(
+        square_structure(8, 1),
+        sensor=default_artifact(),
+        nuisances=["sensor"],
+        discrepancy=discrepancy.default_discrepancy(),
+    )
+    with pytest.raises(ParameterError, match=r"thesis' square alone\. Give discrepancy=None"):
+        twin.fit(ResponseRecord(step=3e-4, values=100.0 + np.random.default_rng(0).random((4, 1000)), kind="resistance"))

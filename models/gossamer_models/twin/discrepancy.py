@@ -83,7 +83,7 @@ class Discrepancy:
         return np.asarray(np.einsum("kij,tj->kit", self.components, splines))
 
     def behind(self, bank: SensorBank, report: Callable[[float, int], None] = lambda *_: None) -> Discrepancy:
-        """Return the same of what sensors read [ohm]; pairs that no process has made before take a minute or two.
+        """Return the same of what sensors read [ohm]; what is not in the user's cache takes minutes to make.
 
         Parameters
         ----------
@@ -93,7 +93,7 @@ class Discrepancy:
             Called with the length of the pairs [s] and how many were made.
         """
         steps = round(self.length / STEP)
-        mesh = f"{self.elements_per_side} {self.order} {steps} {CHUNKS} {PAIRS_VERSION}"
+        mesh = f"{self.elements_per_side} {self.order} {steps} {STEP} {CHUNKS} {PAIRS} {SPACING} {PAIRS_VERSION}"
         sensors = [repr(bank.artifact), *(f"{name} {value.tolist()}" for name, value in bank.parameters.items())]
 
         def simulated() -> bytes:
@@ -113,7 +113,8 @@ class Discrepancy:
         return replace(self, components=_unpacked(file), provenance=made, kind="resistance")
 
     def write(self, path: Path) -> None:
-        """Write the JSON card and, beside it, the components in 16 bits each."""
+        """Write the JSON card and, beside it, the components of strain in 16 bits each."""
+        require(self.kind == "strain", "what a mesh lacks behind sensors is kept in the user's cache. Write that of strain.")
         scale = np.abs(self.components).max(axis=(1, 2)) / LEVELS
         levels = np.round(self.components / scale[:, None, None]).astype(np.int16)
         content = {"elements_per_side": self.elements_per_side, "order": self.order, "length": self.length}
@@ -238,12 +239,12 @@ def default_discrepancy() -> Discrepancy:
     return Discrepancy.read()
 
 
-def is_learned(forward: Forward) -> bool:
-    """Tell whether the discrepancy that ships was learned for a mesh and a membrane like these."""
+def is_learned(forward: Forward, learned: Discrepancy) -> bool:
+    """Tell whether a discrepancy of the thesis' square was learned for a mesh and a membrane like these."""
     if not isinstance(forward, MembraneForward):
         return False
     structure, given = forward.structure, forward.parameters
-    learned, default = default_discrepancy(), asdict(MembraneParams())
+    default = asdict(MembraneParams())
     square = square_structure(learned.elements_per_side, learned.order)
     here, there = structure.mesh.nodes, square.mesh.nodes
     if structure.setup.law != square.setup.law or here.shape != there.shape or not np.allclose(here, there):

@@ -346,7 +346,7 @@ def with_rivals(fit: Fit) -> Fit:
     a zone reads much like a damaged one, chi2 may have a valley for each, so that it is tried with all of the damage.
     """
     whole, likely = fit.problem, fit.likely
-    limits, ends = box(whole, fit.point.x), [(fit.kept, fit.point.chi2, fit.point.x)]
+    limits, ends = box(whole, fit.point.x), {fit.kept.tobytes(): (fit.kept, fit.point.chi2, fit.point.x)}
     moved = [(likely.kept[k], likely.move[k]) for k in likely.rivals(fit.kept, limits)]
     starts = [(kept, _moved(whole, fit.point.x, move, kept)) for kept, move in moved]
     for kept, x in [*starts, *_exchanged(fit)]:
@@ -354,13 +354,12 @@ def with_rivals(fit: Fit) -> Fit:
             point = descend(whole, x, kept, RIVAL_STEPS, enough=ROUGH).point
         except ConvergenceError:  # no reason to lose the fit
             continue
-        ends.append((kept, point.chi2, point.x))
-    worth = [chi2 + price(fit.model, limits, kept) for kept, chi2, _ in ends]
-    best = int(np.argmin(worth))
-    rivals = tuple(each for k, each in enumerate(ends) if k != best)
-    if best == 0:
+        key = kept.tobytes()
+        ends[key] = min([(kept, point.chi2, point.x), *([ends[key]] if key in ends else [])], key=lambda end: end[1])
+    best = min(ends.values(), key=lambda end: end[1] + price(fit.model, limits, end[0]))
+    rivals, (kept, _, x) = tuple(end for end in ends.values() if end is not best), best
+    if kept is fit.kept:
         return replace(fit, rivals=rivals)
-    kept, _, x = ends[best]
     found = descend(whole, x, kept)
     model, J = _over_all(whole, found, kept)
     return replace(fit, point=found.point, model=model, J=J, kept=kept, rivals=rivals)

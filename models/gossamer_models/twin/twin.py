@@ -114,7 +114,8 @@ class Twin:
         check_names(self.nuisances, self._forward.inputs)
         check_names(self.known)
         if discrepancy == "learned":
-            discrepancy = default_discrepancy() if is_learned(self._forward) else None
+            shipped = default_discrepancy()
+            discrepancy = shipped if is_learned(self._forward, shipped) else None
         self.discrepancy = discrepancy
         self._behind: Discrepancy | None = None
         if healthy is not None and (mesh_error is None or discrepancy is not None):
@@ -194,13 +195,13 @@ class Twin:
             doubts[:0] = [reason] if (reason := likely_reason(fit, wider)) else []
         return self._answer(fit, doubts, wiring, unresolved)
 
-    def untold(self, record: ResponseRecord, report: Callable[[float, int], None] = lambda *_: None) -> list[str]:
+    def untold(self, record: ResponseRecord, report: Progress = lambda *_: None) -> list[str]:
         """Say which zones a record cannot tell, from derivatives about no damage, before anything is fitted.
 
         Parameters
         ----------
         record : ResponseRecord
-            As of ``fit``; it costs a simulation for each zone.
+            As of ``fit``; it costs a simulation for each zone, and the error of the mesh behind sensors if none is kept.
         report : callable, optional
             As of ``fit``.
 
@@ -334,11 +335,16 @@ class Twin:
             report,
         )
 
-    def _discrepancy_of(self, report: Callable[[float, int], None]) -> Discrepancy | None:
+    def _discrepancy_of(self, report: Progress) -> Discrepancy | None:
         """Return what finer meshes would add: where sensors may be off their model, to what they read."""
         if self.discrepancy is None or SENSOR not in self.nuisances:
             return self.discrepancy
         if self._behind is None:
+            known = is_learned(self._forward, self.discrepancy)
+            advice = f"Give discrepancy=None, or no {option('fit', SENSOR)}."
+            require(
+                known, f"what a mesh lacks behind sensors is learned of the thesis' square alone. {advice}", ParameterError
+            )
             self._behind = self.discrepancy.behind(self._sensed.require_bank(), report)
         return self._behind
 
