@@ -27,6 +27,7 @@ from gossamer_models.twin import Answer, ResponseRecord, Twin
 from gossamer_models.twin.forward import LANES
 from gossamer_models.twin.least_squares import MOST_DAMAGE
 from gossamer_models.twin.problem import RecordProblem
+from gossamer_models.twin.record import Wiring
 from gossamer_models.twin.search import Fit
 from gossamer_models.twin.zone_sets import ODDS, THRESHOLD
 from numpy.typing import NDArray
@@ -63,9 +64,9 @@ class OpenTwin(Twin):
 
     last: Fit
 
-    def _answer(self, fit: Fit, *others: object) -> Answer:
+    def _answer(self, fit: Fit, doubts: list[str], wiring: Wiring | None, unresolved: tuple[int, ...]) -> Answer:
         self.last = fit
-        return super()._answer(fit, *others)  # type: ignore[arg-type]
+        return super()._answer(fit, doubts, wiring, unresolved)
 
 
 @dataclass(frozen=True)
@@ -246,7 +247,7 @@ def draw(some: Found, folder: Path) -> None:
     figure, axes = panels(1, 3, (8.6, 2.7))
     sure, bounds, rank = axes[0]
     zones, stated, true = np.array([each for each in reliability(some) if each[0]]).T
-    low, high = (betaincinv(true + a, zones - true + 1.0 - a, p) for a, p in ((0.5, 0.025), (0.5, 0.975)))
+    low, high = (betaincinv(true + 0.5, zones - true + 0.5, p) for p in (0.025, 0.975))
     sure.errorbar(
         stated / zones, true / zones, np.maximum([true / zones - low, high - true / zones], 0.0), fmt="o", color=BLUE, ms=3
     )

@@ -354,8 +354,8 @@ def with_rivals(fit: Fit) -> Fit:
             point = descend(whole, x, kept, RIVAL_STEPS, enough=ROUGH).point
         except ConvergenceError:  # no reason to lose the fit
             continue
-        key = kept.tobytes()
-        ends[key] = min([(kept, point.chi2, point.x), *([ends[key]] if key in ends else [])], key=lambda end: end[1])
+        key, end = kept.tobytes(), (kept, point.chi2, point.x)
+        ends[key] = min(ends.get(key, end), end, key=lambda each: each[1])
     best = min(ends.values(), key=lambda end: end[1] + price(fit.model, limits, end[0]))
     rivals, (kept, _, x) = tuple(end for end in ends.values() if end is not best), best
     if kept is fit.kept:

@@ -342,9 +342,7 @@ class Twin:
         if self._behind is None:
             known = is_learned(self._forward, self.discrepancy)
             advice = f"Give discrepancy=None, or no {option('fit', SENSOR)}."
-            require(
-                known, f"what a mesh lacks behind sensors is learned of the thesis' square alone. {advice}", ParameterError
-            )
+            require(known, f"what a mesh lacks behind sensors is learned of the thesis' square alone. {advice}")
             self._behind = self.discrepancy.behind(self._sensed.require_bank(), report)
         return self._behind
 
