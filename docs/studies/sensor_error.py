@@ -91,7 +91,7 @@ def judge(world: str, count: int) -> str:
     model, thirds = membrane(TRUTH.get(mesh, BILINEAR)), 3 if mesh else 1
     histories = strain(np.vstack([np.zeros((1, 16)), damage]), model, 0.0, thirds=thirds, given=given)
     artifact = calibrated_sensor()[0] if sensors == "specimen" else default_artifact()
-    twin = Twin(None if mesh else square_structure(*BILINEAR), sensor=artifact, nuisances=["sensor"])
+    twin = Twin(None if mesh else square_structure(*BILINEAR), sensor=artifact)
     rest = twin._sensed.require_bank().parameters["rest_strain"]
     if sensors == "specimen":  # whose records have a noise of their own
         values, noise = flown_resistance(histories[1:], STEP), None

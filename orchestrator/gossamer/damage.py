@@ -141,11 +141,11 @@ def twin(
     record
         Results of a run (results.nc, results.csv or their folder), or a CSV file.
     fit
-        What else is unknown, with commas between: the phase of the built-in load, a load by its name, such as pressure, or
-        sensor: resistance is of sensors that are off their model.
+        What else is unknown, with commas between: the phase of the built-in load, or a load by its name, such as pressure.
     known
-        What is known exactly of offset, gain, clock, amplitude, frequency, damping, modulus, density and prestrain; with
-        commas between, or all. What is not is fitted along with the damage, each near to what it should be.
+        What is known exactly of offset, gain, clock, amplitude, frequency, damping, modulus, density, prestrain and sensor,
+        the model of sensors of resistance; with commas between, or all. What is not is fitted along with the damage, each
+        near to what it should be.
     stop
         Use the record up to this time [s]; by default, of a long one as much as a fit of some minutes takes.
     sparse

@@ -173,11 +173,6 @@ def test_what_a_square_lacks_behind_sensors_is_learned_of_what_they_read_and_kep
 
 
 def test_what_the_thesis_square_lacks_behind_sensors_is_not_used_for_another_membrane():
-    twin = Twin(
-        square_structure(8, 1),
-        sensor=default_artifact(),
-        nuisances=["sensor"],
-        discrepancy=discrepancy.default_discrepancy(),
-    )
+    twin = Twin(square_structure(8, 1), sensor=default_artifact(), discrepancy=discrepancy.default_discrepancy())
     with pytest.raises(ParameterError, match=r"thesis' square alone\. Give discrepancy=None"):
         twin.fit(ResponseRecord(step=3e-4, values=100.0 + np.random.default_rng(0).random((4, 1000)), kind="resistance"))

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from gossamer_models.errors import ParameterError
 from gossamer_models.membrane import square_structure
 from gossamer_models.sensor import default_artifact
 from gossamer_models.twin import MembraneForward, ResponseRecord, Twin
@@ -66,7 +65,8 @@ def test_a_sensor_that_keeps_to_its_model_has_small_scales_and_one_that_does_not
     record[1] += 0.03 * np.ptp(read[1]) * np.tanh(3.0 * (read[1] - read[1].mean()) / np.ptp(read[1]))
     record[1, 100:120] = np.nan
     told = SensorError.along(bank, strain, read, STEP).told(record, weighed_alone(record, noise))
-    spread = np.sqrt((told.components**2).sum(axis=0).mean(axis=1)) / np.ptp(read, axis=1)
+    moves = told.components[told.group != list(GROUPS).index("offset")]  # one number does not tell the scale of offsets
+    spread = np.sqrt((moves**2).sum(axis=0).mean(axis=1)) / np.ptp(read, axis=1)
     assert spread[0] < 2e-3
     assert 0.01 < spread[1] < 0.3
 
@@ -93,7 +93,7 @@ def test_damage_is_found_with_sensors_off_their_model_and_how_far_is_answered(sq
     assert off[:2].min() > 0.01
     noise = 1e-3 * np.ptp(exact, axis=1)
     values = values + noise[:, None] * np.random.default_rng(2).standard_normal(exact.shape)
-    twin = Twin(square_structure(4, 1), sensor=default_artifact(), nuisances=["sensor"])
+    twin = Twin(square_structure(4, 1), sensor=default_artifact())
     answer = twin.fit(ResponseRecord(step=3e-4, values=values, kind="resistance", noise=noise))
     assert answer.valid
     np.testing.assert_allclose(answer.damage, DAMAGE, atol=5e-3)
@@ -102,9 +102,9 @@ def test_damage_is_found_with_sensors_off_their_model_and_how_far_is_answered(sq
     assert max(answer.sensor_errors[2:]) < 2e-3
 
 
-def test_by_default_a_sensor_has_an_offset_and_a_gain_alone(square):
+def test_a_sensor_whose_model_is_known_has_an_offset_and_a_gain_alone(square):
     sensed, _, exact = square
-    twin = Twin(square_structure(4, 1), sensor=default_artifact())
+    twin = Twin(square_structure(4, 1), sensor=default_artifact(), known=["sensor"])
     noise = 1e-3 * np.ptp(exact, axis=1)
     values = exact + 0.1 * sensed.bank.parameters["full_scale_resistance_change"][:, None] * np.eye(4)[:, :1]
     answer = twin.fit(ResponseRecord(step=3e-4, values=values, kind="resistance", noise=noise))
@@ -118,7 +118,7 @@ def test_no_answer_is_valid_where_a_sensor_is_far_off_its_model(square):
     noise = 1e-3 * np.ptp(exact, axis=1)
     values = exact + noise[:, None] * np.random.default_rng(2).standard_normal(exact.shape)
     values[0] += exact[0] - exact[0, 0]
-    twin = Twin(square_structure(4, 1), sensor=default_artifact(), nuisances=["sensor"])
+    twin = Twin(square_structure(4, 1), sensor=default_artifact())
     answer = twin.fit(ResponseRecord(step=3e-4, values=values[:, :400], kind="resistance", noise=noise))
     assert not answer.valid
     assert answer.sensor_errors[0] > 0.2
@@ -134,7 +134,7 @@ def test_where_the_error_of_the_mesh_was_learned_behind_sensors_they_have_to_kee
     values = exact[:, :n] + 1e-3 * np.ptp(exact) * np.random.default_rng(2).standard_normal((4, n))
     span = np.ptp(values, axis=1, keepdims=True)
     values += 0.1 * span * np.tanh(6.0 * (values - values.mean(axis=1, keepdims=True)) / span)
-    twin = Twin(square_structure(4, 1), sensor=default_artifact(), nuisances=["sensor"], discrepancy=learned)
+    twin = Twin(square_structure(4, 1), sensor=default_artifact(), discrepancy=learned)
     answer = twin.fit(ResponseRecord(step=3e-4, values=values, kind="resistance", noise=1e-3 * np.ptp(exact)))
     assert max(answer.sensor_errors) > 0.01
     assert not answer.valid
@@ -143,5 +143,6 @@ def test_where_the_error_of_the_mesh_was_learned_behind_sensors_they_have_to_kee
 
 def test_sensors_of_strain_have_no_error_of_their_own(square):
     _, strain, _ = square
-    with pytest.raises(ParameterError, match="'sensor' is fitted to records of resistance"):
-        Twin(square_structure(4, 1), nuisances=["sensor"]).fit(ResponseRecord(step=3e-4, values=strain[0]))
+    answer = Twin(square_structure(4, 1)).fit(ResponseRecord(step=3e-4, values=strain[0], noise=1e-3))
+    assert not answer.sensor_errors
+    assert "gain[1]" in answer.nuisances

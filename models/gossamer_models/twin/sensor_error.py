@@ -33,6 +33,7 @@ GROUPS = dict.fromkeys(("offset", "shape", "drift", "rate", "memory", "play", "t
 BROAD = 3.0  # deviation of the logarithm of a scale
 SMALLEST, LARGEST = 1e-6, 1.0  # scale
 STEPS = 30  # of the search of the scales
+TRIED = 60  # scales of a group, for its mean square
 TINY = 1e-12
 Shares: TypeAlias = tuple[float | None, ...]
 Weighing: TypeAlias = Mapping[int, Callable[[Matrix], Matrix]]
@@ -170,7 +171,20 @@ def likeliest_scales(F: Matrix, r: Vector, group: NDArray[np.int64], start: Vect
 
     limits = [(np.log(SMALLEST), np.log(LARGEST))] * len(median)
     found = minimize(unlikely, np.log(start), jac=True, method="L-BFGS-B", bounds=limits, options={"maxiter": STEPS})
-    return np.asarray(np.exp(found.x))
+    t, s2 = np.exp(found.x)[group], np.geomspace(SMALLEST, LARGEST, TRIED)[:, None] ** 2
+    mean_square = np.empty(len(median))
+    for k in range(len(median)):
+        own, rest = group == k, group != k
+        beside = t[rest, None] * np.column_stack([G[rest][:, own], b[rest]])
+        A = np.eye(rest.sum()) + t[rest, None] * G[np.ix_(rest, rest)] * t[rest]
+        left = np.column_stack([G[own][:, own], b[own]]) - beside[:, :-1].T @ scipy.linalg.solve(A, beside, assume_a="pos")
+        e, V = np.linalg.eigh(left[:, :-1])
+        e, c = np.maximum(e, 0.0), V.T @ left[:, -1]
+        gain = 0.5 * np.sum(s2 * c**2 / (1.0 + s2 * e) - np.log1p(s2 * e), axis=1)
+        gain -= 0.5 * ((0.5 * np.log(s2[:, 0]) - median[k]) / BROAD) ** 2
+        weight = np.exp(gain - gain.max())
+        mean_square[k] = weight @ s2[:, 0] / weight.sum()
+    return np.asarray(np.sqrt(mean_square))
 
 
 def _features(bank: SensorBank, strain: Matrix, resistance: Matrix, h: float) -> dict[str, Matrix]:

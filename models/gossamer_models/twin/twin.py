@@ -57,14 +57,14 @@ class Twin:
         Parameters of the sensors that differ from their start values; they rest at the strain of the undamaged structure.
     nuisances : sequence of str
         What is fitted beside the damages and what is fitted by default: ``phase`` of the built-in load (deviation of its
-        normal prior 0.1 rad), a load by its name, for instance ``pressure`` (any, a spline in time that is added), or
-        ``sensor``, of resistance: how far each sensor is off its identified model, see ``SensorError``.
+        normal prior 0.1 rad), or a load by its name, for instance ``pressure`` (any, a spline in time that is added).
     known : sequence of str
         What of the following is known exactly. By default all are fitted, each with a normal prior: ``offset`` and ``gain``
         of each sensor (deviation 0.02 of strain, or of the change of resistance at full scale; 2 %), the ``clock`` (5
         samples late), ``amplitude`` of every load that changes (10 %), ``frequency`` (5 %) of the built-in one, ``damping``
-        (a factor of 2), Young's ``modulus`` (2 %), ``density`` and ``prestrain`` (5 %). Beside a load by its name, only
-        ``clock``, ``offset`` and ``gain`` are; beside ``sensor``, all but ``offset`` and ``gain``.
+        (a factor of 2), Young's ``modulus`` (2 %), ``density`` and ``prestrain`` (5 %); beside a load by its name, only
+        ``clock``, ``offset`` and ``gain``. Of resistance, ``sensor`` in place of offset and gain: how far each sensor is off
+        its identified model, see ``SensorError``.
     sparse : bool
         Whether zones are dropped while chi2 rises by less than 9 for each.
     discrepancy : Discrepancy, "learned" or None
@@ -226,9 +226,6 @@ class Twin:
         """Return a record without dead sensors, and what is missing in it."""
         if record.kind == "resistance":
             self._sensed.require_bank()
-        elif SENSOR in self.nuisances:
-            msg = f"{SENSOR!r} is fitted to records of resistance, and this one holds strain. Leave it out."
-            raise ParameterError(msg)
         if len(record.values) != self.sensors:
             shape = f"({self.sensors}, n), not {record.values.shape}"
             msg = f"a record needs one row for each of {self.sensors} sensors, shape {shape}"
@@ -272,11 +269,15 @@ class Twin:
         period = model.period if set(kinds) & set(model.inputs) else math.inf
         return Nuisances(kinds, model.parameters, model.inputs, model.sensors, loads, record.step * record.samples, period)
 
+    def _may_be_off(self, record: ResponseRecord) -> bool:
+        """Tell whether the sensors of a record may be off their model."""
+        return record.kind == "resistance" and SENSOR not in self.known
+
     def _kinds(self, record: ResponseRecord, *, wider: bool = False) -> tuple[str, ...]:
         """Return the nuisances that are fitted; wider: all that act on the record."""
         given = possible(self._forward.parameters, Loads(record.start, record.inputs))
-        left_out = {SENSOR, *(OF_MOTION if isinstance(record, StaticRecord) else ())}
-        left_out |= {*OF_SENSOR} if SENSOR in self.nuisances else set()
+        left_out = {*(OF_MOTION if isinstance(record, StaticRecord) else ())}
+        left_out |= {*OF_SENSOR} if self._may_be_off(record) else {SENSOR}
         if not wider:
             left_out |= {*self.known} | ({*NAMES} - {*BY_DEFAULT})
             left_out |= {*FACTORS} if {*self.nuisances} & {*self._forward.inputs} else set()  # any load explains any of them
@@ -329,19 +330,19 @@ class Twin:
             compared if samples is None else compared.first(samples),
             self._nuisances(self._kinds(compared, wider=wider), compared),
             record.noise_deviation() if noise is None else noise,
-            self._discrepancy_of(report),
+            self._discrepancy_of(record, report),
             groups,
             None if (error := self._error_of(compared)) is None else error.components,
             report,
         )
 
-    def _discrepancy_of(self, report: Progress) -> Discrepancy | None:
+    def _discrepancy_of(self, record: ResponseRecord, report: Progress) -> Discrepancy | None:
         """Return what finer meshes would add: where sensors may be off their model, to what they read."""
-        if self.discrepancy is None or SENSOR not in self.nuisances:
+        if self.discrepancy is None or not self._may_be_off(record):
             return self.discrepancy
         if self._behind is None:
             known = is_learned(self._forward, self.discrepancy)
-            advice = f"Give discrepancy=None, or no {option('fit', SENSOR)}."
+            advice = f"Give discrepancy=None, or {option('known', SENSOR)}."
             require(known, f"what a mesh lacks behind sensors is learned of the thesis' square alone. {advice}")
             self._behind = self.discrepancy.behind(self._sensed.require_bank(), report)
         return self._behind
