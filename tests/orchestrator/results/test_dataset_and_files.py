@@ -8,7 +8,7 @@ import json
 import numpy as np
 import pytest
 import xarray as xr
-from gossamer_fmus import build_fmu
+from building import build_fmu
 from gossamer_orchestrator import ProgressBar, ResultsError, ScenarioError, load_results, parse_scenario, run_scenario
 from gossamer_orchestrator.results.dataset import RecordedScalar, arrange
 from rich.console import Console
