@@ -43,9 +43,7 @@ class SensorPlacement(Saved):
     @property
     def placements(self) -> dict[str, Placement]:
         """The membrane's own sensors, if they are known, and the chosen ones."""
-        from gossamer_models.placement.plots import placements
-
-        return dict(placements(self.result))
+        return self.result.placements
 
     @property
     def data(self) -> xr.Dataset:
