@@ -5,7 +5,7 @@ import shutil
 from pathlib import Path
 
 import gossamer
-from gossamer_fmus import build_fmu
+from building import build_fmu
 from gossamer_models.membrane import membrane_model
 
 README = Path(__file__).resolve().parents[1] / "README.md"

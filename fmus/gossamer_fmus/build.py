@@ -64,50 +64,6 @@ ctypes.pythonapi.Py_IncRef(ctypes.py_object(globals()))
 """
 
 
-def build_fmu(
-    model: StepModel,
-    folder: Path,
-    readme: Path | None = None,
-    *,
-    native: bool = False,
-    fmi: FmiVersion = 2,
-    platforms: Iterable[str] = (),
-    progress: Callable[[str], None] = lambda _: None,
-) -> Path:
-    """Build an FMU.
-
-    Parameters
-    ----------
-    model : StepModel
-        Model to run; for a native FMU, create it with ``compiled=True`` if it has that option.
-    folder : Path
-        Folder for ``<model name>.fmu``; created if needed.
-    readme : Path, optional
-        Text of the documentation page; by default the README of this project's FMU of the same name.
-    native : bool
-        True: compiled C, which needs nothing on the host; False: an FMU that runs in Python, through pythonfmu.
-    fmi : {2, 3}
-        Version of the standard; 3 for native FMUs only.
-    platforms : iterable of str
-        Keys of ``compiler.PLATFORMS``, or ``all``; by default the one this program runs on. For native FMUs only.
-    progress : callable
-        Receives a line for each library before it is compiled; none for those in the user's cache folder.
-
-    Returns
-    -------
-    Path
-        The FMU. The same model, README, compiler and package versions give the same bytes.
-
-    Raises
-    ------
-    ParameterError
-        A platform is unknown or not part of this version of the standard, or is given for an FMU that is not native.
-    ModuleNotFoundError
-        The compiler is not installed.
-    """
-    return _build({model.name: model}, folder, readme, native, fmi, platforms, progress)[model.name]
-
-
 def build_all(
     folder: Path,
     names: Iterable[str] = NAMES,
@@ -127,7 +83,7 @@ def build_all(
     names : iterable of str
         FMUs to build.
     native, fmi, platforms, progress
-        See ``build_fmu``.
+        See ``build_models``.
     **options
         What the models are made from; see ``ModelOptions``.
 
@@ -139,7 +95,7 @@ def build_all(
     Raises
     ------
     ParameterError
-        An option that an FMU does not have, or as ``build_fmu`` raises it.
+        An option that an FMU does not have, or as ``build_models`` raises it.
     ArtifactError
         The artifact cannot be used.
     ModuleNotFoundError
@@ -153,19 +109,51 @@ def build_all(
             if len(names) > 1:
                 error.add_note(f"That was {name}; none of {', '.join(names)} was written.")
             raise
-    return _build(models, folder, None, native, fmi, platforms, progress)
+    return build_models(models, folder, native=native, fmi=fmi, platforms=platforms, progress=progress)
 
 
-def _build(
+def build_models(
     models: Mapping[str, StepModel],
     folder: Path,
-    readme: Path | None,
-    native: bool,
-    fmi: FmiVersion,
-    platforms: Iterable[str],
-    progress: Callable[[str], None],
+    readme: Path | None = None,
+    *,
+    native: bool = False,
+    fmi: FmiVersion = 2,
+    platforms: Iterable[str] = (),
+    progress: Callable[[str], None] = lambda _: None,
 ) -> dict[str, Path]:
-    """Write the files of all FMUs, compile them in parallel (the compiler is a separate program), and pack them by name."""
+    """Build FMUs: write the files of all, compile them in parallel (the compiler is a separate program), and pack them.
+
+    Parameters
+    ----------
+    models : mapping of str to StepModel
+        Models to run, by the names of their files; for native FMUs, create them with ``compiled=True`` if they have that
+        option.
+    folder : Path
+        Folder for ``<name>.fmu``; created if needed.
+    readme : Path, optional
+        Text of the documentation page; by default the README of this project's FMU of the same name.
+    native : bool
+        True: compiled C, which needs nothing on the host; False: an FMU that runs in Python, through pythonfmu.
+    fmi : {2, 3}
+        Version of the standard; 3 for native FMUs only.
+    platforms : iterable of str
+        Keys of ``compiler.PLATFORMS``, or ``all``; by default the one this program runs on. For native FMUs only.
+    progress : callable
+        Receives a line for each library before it is compiled; none for those in the user's cache folder.
+
+    Returns
+    -------
+    dict
+        Path by name. The same model, README, compiler and package versions give the same bytes.
+
+    Raises
+    ------
+    ParameterError
+        A platform is unknown or not part of this version of the standard, or is given for an FMU that is not native.
+    ModuleNotFoundError
+        The compiler is not installed.
+    """
     platforms = tuple(platforms)
     if not native and (fmi != 2 or platforms):
         msg = f"FMUs that run in Python are of FMI 2.0 and the same for every platform. Add {option('native', True)}."

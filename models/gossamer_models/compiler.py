@@ -52,11 +52,6 @@ def require_compiler(what: str) -> None:
         raise ModuleNotFoundError(msg)
 
 
-def compiler_version() -> str:
-    """Return the version of the compiler, for example 0.17.0."""
-    return version("ziglang")
-
-
 def kept_library(depends_on: Iterable[str | bytes], suffix: str, compile_it: Callable[[], bytes], what: str) -> Path:
     """Return the file of a library, from the cache or newly compiled.
 
@@ -72,7 +67,7 @@ def kept_library(depends_on: Iterable[str | bytes], suffix: str, compile_it: Cal
         What is compiled, for the log.
     """
     key = hashlib.sha256()
-    for part in [compiler_version() if has_compiler() else "", *FLAGS, *depends_on]:
+    for part in [version("ziglang") if has_compiler() else "", *FLAGS, *depends_on]:
         data = part.encode() if isinstance(part, str) else part
         key.update(len(data).to_bytes(8, "little") + data)
     name = key.hexdigest()[:_DIGITS]

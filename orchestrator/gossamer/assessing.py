@@ -62,9 +62,7 @@ class Assessment(Result):
     @property
     def sentence(self) -> str:
         """The errors."""
-        each = [
-            f"{one.forward(one.stretches().get('judged', one.first)):.3g} % for {one.record.name}" for one in self.judged
-        ]
+        each = [f"{one.forward(one.judged()):.3g} % for {one.record.name}" for one in self.judged]
         return f"The resistance is predicted with an error (NRMSE) of {', '.join(each)}."
 
     def more(self) -> list[str]:

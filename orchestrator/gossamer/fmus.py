@@ -12,7 +12,7 @@ from gossamer_orchestrator.errors import FmuError, require
 
 from .arguments import File, FmiVersion, Folder, Name, Names, Scales, command, several
 from .results import Result
-from .working import keep_inputs, kinds_of, say, stderr
+from .working import keep_inputs, kinds_of, need_setup, say, stderr
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -165,10 +165,8 @@ def build(
         structure = load_structure(setup, mesh, expose=expose)
         for remark in structure.remarks:
             say(remark)
-    elif mesh is not None or expose:
-        given = f"{option('mesh')} and {option('expose', True)}"
-        msg = f"{given} need a setup of material and supports. Name its file with {option('setup')}."
-        raise FmuError(msg)
+    else:
+        need_setup(mesh=mesh, expose=expose or None)
     paths = build_fmus(
         Path(out),
         wanted,

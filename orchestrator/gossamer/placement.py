@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 from gossamer_files.options import option
 from gossamer_files.tables import TableText
-from gossamer_orchestrator.errors import OrchestratorError
 
 from .arguments import Count, CountOrNone, File, Folder, NamesWithCommas, NotNegative, Values, assigned, command, names_of
 from .records import numbers_by_name
 from .results import Saved, first_of, zone_coordinates
-from .working import keep_inputs, progress_bar, save_page
+from .working import keep_inputs, need_setup, progress_bar, save_page
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -43,9 +42,7 @@ class SensorPlacement(Saved):
     @property
     def placements(self) -> dict[str, Placement]:
         """The membrane's own sensors, if they are known, and the chosen ones."""
-        from gossamer_models.placement.plots import placements
-
-        return dict(placements(self.result))
+        return self.result.placements
 
     @property
     def data(self) -> xr.Dataset:
@@ -300,12 +297,10 @@ def place_sensors(
     folder = Path(out)
     table, picture, sensors = (folder / name for name in ("placement.csv", "placement.png", "sensors.toml"))
     keep_inputs([setup, mesh, load], [table, picture, sensors])
-    if setup is None and mesh is not None:
-        msg = f"{option('mesh')} needs a setup. Write: gossamer place-sensors --setup sail.toml --mesh sail.msh"
-        raise OrchestratorError(msg)
     bar = progress_bar("place-sensors")
     acting = {}
     if setup is None:
+        need_setup(mesh=mesh)
         structure, p = square_structure(), MembraneParams()
         step, stop = STEP if step is None else step, STOP if stop is None else stop
         acting = {name: getattr(p, name) for name in ("pressure_amplitude", "pressure_frequency", "pressure_phase")}

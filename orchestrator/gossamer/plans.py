@@ -14,6 +14,7 @@ from gossamer_orchestrator.scenario.source import Source, find_scenario, parse_t
 from .arguments import AnyPath, Values, assigned
 from .options import PlanOptions
 from .records import numbers_by_name
+from .working import need_setup
 
 if TYPE_CHECKING:
     from gossamer_models.campaign import CampaignPlan, Mesh
@@ -56,10 +57,7 @@ def planned(source: AnyPath | None, window: float | None, **plan: Unpack[PlanOpt
             membrane, cases=CASES if cases is None else cases, noise=NOISE if noise is None else noise, window=window
         )
         return wanted, Source(file.name, ""), file.stem
-    for name in ("mesh", "load"):
-        if plan.get(name) is not None:
-            msg = f"{option(name)} needs a setup of material and supports. Name its file with {option('setup')}."
-            raise OrchestratorError(msg)
+    need_setup(mesh=plan.get("mesh"), load=plan.get("load"))
     file = find_scenario(str(source or NOMINAL), "scenario" if run else "campaign")
     wanted, text = load_campaign(find_scenario(NOMINAL, "campaign") if run else file)
     if run:
@@ -141,12 +139,10 @@ def judged_on(
     trained = read_detector(artifacts[0]) if artifacts else PosteriorArtifact.default()
     if setup is not None:
         membrane = Mesh(setup=setup_of(setup, mesh))
-    elif mesh is not None or (constants and not trained.structure):
-        msg = f"{option('mesh')} and {option('set')} need a setup. Name its file with {option('setup')}."
-        raise OrchestratorError(msg)
-    elif not trained.structure:
-        return None
     else:
+        need_setup(mesh=mesh, set=None if trained.structure else constants or None)
+        if not trained.structure:
+            return None
         membrane = Mesh(setup=read_structure(trained.structure).setup, carried=trained.structure)
     if not isinstance(trained, PosteriorArtifact):
         msg = f"{artifacts[0]} is a detector of the thesis, for its square alone. Leave out {option('setup')}."

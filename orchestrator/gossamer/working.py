@@ -96,6 +96,15 @@ def keep_inputs(inputs: Iterable[str | PathLike[str] | None], outputs: Iterable[
                 raise OrchestratorError(msg)
 
 
+def need_setup(**given: object) -> None:
+    """Refuse options that only a setup gives a meaning, because there is none; those that are None are not given."""
+    for name, value in given.items():
+        if value is not None:
+            called = option(name, True if value is True else None)
+            msg = f"{called} needs a setup of material and supports. Name its file with {option('setup')}."
+            raise OrchestratorError(msg)
+
+
 def json_file(out: str | PathLike[str]) -> Path:
     """Return the file that was named for an answer, with an ending: its page is in the folder of its name without it.
 

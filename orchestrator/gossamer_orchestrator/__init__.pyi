@@ -8,7 +8,6 @@ from .exchange.ssp_reader import open_ssp as open_ssp
 from .exchange.ssp_writer import export_ssp as export_ssp
 from .fmi.file import FmuFile as FmuFile
 from .results.files import load_results as load_results
-from .results.files import save_results as save_results
 from .results.judgements import Judgement as Judgement
 from .results.judgements import judge as judge
 from .run.master import Observer as Observer

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import fmpy
 import pytest
+from building import build_fmu
 from fmu_host import Instance
-from gossamer_fmus.build import build_fmu
 from gossamer_fmus.c_code import TABLES_FILE, sources
 from gossamer_fmus.compiler import fmi_headers
 from gossamer_models.compiler import compile_shared

@@ -9,9 +9,10 @@ from dataclasses import replace
 import casadi as ca
 import fmpy
 import pytest
+from building import build_fmu
 from fmpy.validation import validate_fmu
 from fmu_host import FMUS, model_of
-from gossamer_fmus import NAMES, build_all, build_fmu, variables_table
+from gossamer_fmus import NAMES, build_all, variables_table
 from gossamer_fmus.catalogue import MODELS, fmu_folder, make_model
 from gossamer_fmus.description import arrays_of, base_unit
 from gossamer_fmus.page import with_variables

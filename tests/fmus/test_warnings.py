@@ -2,8 +2,8 @@
 
 import casadi as ca
 import pytest
+from building import build_fmu
 from fmi_instances import Fmi2, Fmi3
-from gossamer_fmus import build_fmu
 from gossamer_models import StepModel
 from gossamer_models.variables import input_, output
 

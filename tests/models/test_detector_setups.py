@@ -176,7 +176,7 @@ def test_a_detector_carries_the_structure_that_it_is_trained_for(trained, setup,
     assert again.parameters == {}
     finest, known = finer(plan.membrane).structure, finer(Mesh(setup=setup)).structure
     assert sorted(map(tuple, finest.mesh.nodes.round(9))) == sorted(map(tuple, known.mesh.nodes.round(9)))
-    with pytest.raises(OrchestratorError, match="need a setup"):
+    with pytest.raises(OrchestratorError, match="needs a setup"):
         judged_on([], None, None, ["pressure_amplitude=3"])
     with pytest.raises(ArtifactError, match="trained for 5 zones and 5 sensors"):
         make_model("detector", artifact=tmp_path / "dish.json", structure=square_structure())

@@ -5,7 +5,7 @@ from dataclasses import replace
 import fmpy
 import numpy as np
 import pytest
-from gossamer_fmus import build_fmu
+from building import build_fmu
 from gossamer_models import ArtifactError, DataError, ParameterError, Stepper
 from gossamer_models.fractional import FadingTerm, FractionalArtifact, FractionalTerm, fractional_sensor_model, predict
 from gossamer_models.modes import PowerLawKernels

@@ -128,11 +128,6 @@ def misleading(damage: Matrix, verdicts: Verdicts) -> Rows:
     return np.asarray(verdicts.valid[:, None] & told & (error > OFF))
 
 
-def largest_calls(verdicts: Verdicts) -> Vector:
-    """Return the largest estimate [1] of each record, shape (n,); 0 where it is not valid."""
-    return np.asarray(np.where(verdicts.valid, verdicts.damage.max(axis=1), 0.0))
-
-
 def scores(verdicts: Verdicts) -> Matrix:
     """Return what a call is decided by, shape (n, zones): P(damaged) where it is stated, else the estimate; 0 if not valid.
 

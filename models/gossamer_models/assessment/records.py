@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -47,9 +46,7 @@ class Records:
         return len(self.damage)
 
 
-def make_records(
-    condition: Condition, folder: Path, *, workers: int | None = None, progress: Callable[[int, int], None] | None = None
-) -> Records:
+def make_records(condition: Condition, folder: Path, *, workers: int | None = None) -> Records:
     """Simulate what is missing of a condition and read all of it.
 
     Parameters
@@ -58,7 +55,7 @@ def make_records(
         What to read.
     folder : Path
         Where the stores of campaigns are.
-    workers, progress
+    workers
         As in ``run_campaign``.
 
     Raises
@@ -73,7 +70,7 @@ def make_records(
         numbers, damage, strain, noise = np.array(cases.numbers)[sound], cases.damage[sound], strain[sound], noise[sound]
     else:
         path = folder / f"{condition.store}_{campaign.count}.zarr"
-        campaigns.run_campaign(campaign, path, workers=workers, progress=progress)
+        campaigns.run_campaign(campaign, path, workers=workers)
         data = campaigns.read_campaign(path)
         sound = ~data["failed"].to_numpy()
         data = data.isel(case=np.flatnonzero(sound))

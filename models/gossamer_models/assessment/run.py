@@ -17,7 +17,7 @@ from ..campaign import CampaignPlan, Mesh
 from ..detector.thesis_tables import TABLES, ThesisTables
 from ..errors import ParameterError, require
 from .conditions import KNOWN, SIZES, Condition, chosen, conditions, detections, finer, plan_of_square, table_conditions
-from .figures import confusion, figures, largest_calls, reliability, scores
+from .figures import confusion, figures, reliability, scores
 from .judges import Judge, Verdicts, ask
 from .pod import fit_pod, share, threshold_for
 from .records import Records, make_records
@@ -35,10 +35,8 @@ def assess(
     *,
     cases: int = 400,
     plan: CampaignPlan | None = None,
-    other: Mesh | None = None,
     only: Sequence[str] = (),
-    workers: int | None = None,
-    report: Report | None = None,
+    report: Report = lambda *_: None,
 ) -> AssessmentResults:
     """Assess judges under all conditions.
 
@@ -53,14 +51,10 @@ def assess(
         each zone.
     plan : CampaignPlan, optional
         Membrane, load, noise and times of a record; by default those that the shipped detectors are trained for.
-    other : Mesh, optional
-        Membrane of the condition "another mesh"; by default a finer one, if there is one.
     only : sequence of str
         Conditions by name, or ``all`` or ``short``: these alone, of which every judge is asked about all records, and no
         probability of detection. Empty for a whole assessment, in which slow judges leave out what is quick.
-    workers : int, optional
-        Processes of the simulations; all cores by default.
-    report : callable, optional
+    report : callable
         Called with what is going on, and how many of all parts are done.
 
     Returns
@@ -81,7 +75,7 @@ def assess(
         raise ParameterError(msg)
     plan = plan or plan_of_square()
     mesh = plan.membrane
-    other = finer(mesh) if other is None else other
+    other = finer(mesh)
     meshes = {"mesh": mesh, "another mesh": other}
     put, pairs = conditions(plan, other, cases), [] if only else detections(plan, cases)
     lacking = ", ".join(sorted(KNOWN - {condition.name for condition in put}))
@@ -100,25 +94,24 @@ def assess(
     total, done = len(put) + len(pairs) + len(listed), itertools.count()
 
     def begin(what: str) -> None:
-        if report is not None:
-            report(what, next(done), total)
+        report(what, next(done), total)
 
     for condition in put:
         begin(condition.name)
-        records = make_records(condition, folder, workers=workers)
+        records = make_records(condition, folder)
         for judge in _readers(judges, records):
             if only or judge.most is None or not condition.quick:
                 found.rows.append(_row(judge, condition, records, folder))
     for pair in pairs:
         begin(pair.name)
-        healthy, damaged = (make_records(c, folder, workers=workers) for c in (pair.healthy, pair.damaged))
+        healthy, damaged = (make_records(c, folder) for c in (pair.healthy, pair.damaged))
         for judge in _thorough(_readers(judges, healthy)):
             rows, counts = _detection(judge, pair.name, healthy, damaged, folder)
             found.detections.extend(rows)
             found.confusions.append(counts)
     for table, condition in listed:
         begin(f"{table.name}, {condition.name}")
-        records = make_records(condition, folder, workers=workers)
+        records = make_records(condition, folder)
         for judge in _thorough(_readers(judges, records)):
             found.tables.extend(_table(judge, table, condition, records, folder))
     begin("done")
@@ -158,7 +151,7 @@ def _row(judge: Judge, condition: Condition, records: Records, folder: Path) -> 
         held_out=condition.held_out,
         figures=figures(damage, verdicts),
         reliability=reliability(damage, verdicts).tolist() if verdicts.deviation is not None else [],
-        largest=[] if damage.any() else largest_calls(verdicts).tolist(),
+        largest=[] if damage.any() else np.where(verdicts.valid, verdicts.damage.max(axis=1), 0.0).tolist(),
     )
 
 

@@ -16,7 +16,7 @@ from ..arrays import Matrix, Vector
 from ..batch import Batch
 from ..compensator import compensator_model
 from ..membrane import membrane_model
-from ..mistakes import DescriptionError, Mistake
+from ..mistakes import Mistake, raise_any
 from ..sensor import SensorArtifact, default_artifact, sensor_model
 from .cases import Cases, draw_cases, unit_noise
 from .description import LOAD, NOISE, ONSET, SENSOR_GAIN, CampaignPlan, Chain
@@ -63,8 +63,7 @@ def chain_kernels(chain: Chain) -> tuple[ChainKernels, dict[str, str]]:
             if name not in known:
                 text = f"the {model.name} has no parameter {name!r}."
                 mistakes.append(Mistake(("chain", table, name), text, name, known))
-    if mistakes:
-        raise DescriptionError(*mistakes)
+    raise_any(mistakes)
     starts = {v.name: v.start for v in sensor.variables if v.start is not None}
     kernels = ChainKernels(
         sensor=Batch(sensor, ("resistance",), ("strain",)),

@@ -126,7 +126,7 @@ def run_campaign(
     workers: int | None = None,
     scheduler: str | None = None,
     source: str = "",
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], None] = lambda *_: None,
 ) -> Summary:
     """Run the chunks of a campaign that its store does not have yet.
 
@@ -143,7 +143,7 @@ def run_campaign(
         and the same folders.
     source : str
         Text of the file that the campaign was read from; kept in the store.
-    progress : callable, optional
+    progress : callable
         Called with the number of finished and of all cases.
 
     Returns
@@ -170,13 +170,12 @@ def run_campaign(
     done = campaign.count - simulated
     begun = time.perf_counter()
     log.info("%d of %d cases are to be simulated, in %d chunks", simulated, campaign.count, len(missing))
-    report = progress or (lambda *_: None)
-    report(done, campaign.count)
+    progress(done, campaign.count)
     work = partial(write_chunk, task)
     for chunk in on_cluster(work, missing, scheduler) if scheduler else _on_cores(task, missing, workers):
         done += len(campaign.numbers(chunk))
         log.info("chunk %d is finished after %.1f s", chunk, time.perf_counter() - begun)
-        report(done, campaign.count)
+        progress(done, campaign.count)
     seconds = time.perf_counter() - begun
     lost = len(missing_chunks(group, campaign))
     if lost:

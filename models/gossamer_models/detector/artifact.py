@@ -35,10 +35,12 @@ def require(condition: bool | np.bool_, problem: str) -> None:
 
 
 @contextmanager
-def usable(path: Path) -> Iterator[None]:
-    """Turn what goes wrong while a detector is made of the content of a file into ``ArtifactError``."""
+def reading(path: Path, schema: str, version: int) -> Iterator[tuple[dict[str, Any], dict[str, Vector]]]:
+    """Read card and arrays; turn what goes wrong while a detector is made of them into ``ArtifactError``."""
+    card = read_artifact(path, schema, version)
+    arrays = read_arrays(path, card)
     try:
-        yield
+        yield card, arrays
     except ArtifactError:
         raise
     except (KeyError, TypeError, ValueError, IndexError) as error:
@@ -240,9 +242,7 @@ class DetectorArtifact(TrainedWindows):
     @classmethod
     def read(cls, path: Path) -> DetectorArtifact:
         """Read what ``write`` wrote; raise ``ArtifactError`` for a file that is missing, damaged or unusable."""
-        card = read_artifact(path, SCHEMA, VERSION)
-        arrays = read_arrays(path, card)
-        with usable(path):
+        with reading(path, SCHEMA, VERSION) as (card, arrays):
             return cls(**cls.of_card(card) | arrays)
 
     @classmethod

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Matrix, Vector
-from ..artifacts import artifact_schema, read_arrays, read_artifact, write_artifact
+from ..artifacts import artifact_schema, write_artifact
 from ..errors import ArtifactError
-from .artifact import DetectorArtifact, TrainedWindows, require, usable
+from .artifact import DetectorArtifact, TrainedWindows, reading, require
 from .features import Components
 from .networks import PEAKS
 
@@ -209,9 +209,7 @@ class PosteriorArtifact(TrainedWindows):
     @classmethod
     def read(cls, path: Path) -> PosteriorArtifact:
         """Read what ``write`` wrote; raise ``ArtifactError`` for a file that is missing, damaged or unusable."""
-        card = read_artifact(path, SCHEMA, VERSION)
-        arrays = read_arrays(path, card)
-        with usable(path):
+        with reading(path, SCHEMA, VERSION) as (card, arrays):
             network = card["network"]
             require(network in NETWORKS, f"its network is {network!r}, not one of {', '.join(NETWORKS)}")
             of_window = [

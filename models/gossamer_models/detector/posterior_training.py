@@ -39,7 +39,7 @@ ROOM = 1.2  # noise above that of the training that is still valid
 
 
 def train_posterior(
-    data: xr.Dataset, training: records.Training | None = None, progress: Callable[[float], None] | None = None
+    data: xr.Dataset, t: records.Training, progress: Callable[[float], None] = lambda _: None
 ) -> PosteriorArtifact:
     """Train the networks of all windows on a campaign.
 
@@ -47,9 +47,9 @@ def train_posterior(
     ----------
     data : xarray.Dataset
         From ``read_campaign``. What varies in it is what the detector is trained over.
-    training : records.Training, optional
+    t : records.Training
         Settings.
-    progress : callable, optional
+    progress : callable
         Called with the share of the work that is done.
 
     Raises
@@ -57,7 +57,6 @@ def train_posterior(
     DataError
         There are too few cases, the runs are too short, or the network cannot state damages as large.
     """
-    t = training or records.Training()
     campaign = json.loads(data.attrs["campaign"])
     deepest = max([campaign["damage"]["depth"][1], *(d for case in campaign["damage"]["cases"] for d in case.values())])
     if t.network == "neuro-fuzzy" and deepest > PEAKS[-1]:
@@ -72,11 +71,12 @@ def train_posterior(
     images = len(symmetry.sensors)
     total = sum((t.epochs + t.decoder_epochs) * max(images * len(split(cut, t)[0].damage) // t.batch, 1) for cut in cuts)
     with threadpool_limits(1):  # small matrices: waking other threads for them costs more than their work
-        report = (lambda: None) if progress is None else (lambda: progress(next(done) / total))
-        windows, losses = zip(
-            *(_train_window(cut, sensing, symmetry, replace(t, seed=t.seed + k), report) for k, cut in enumerate(cuts)),
-            strict=True,
-        )
+        settings = [replace(t, seed=t.seed + k) for k in range(t.windows)]
+        trained = [
+            _train_window(cut, sensing, symmetry, each, lambda: progress(next(done) / total))
+            for cut, each in zip(cuts, settings, strict=True)
+        ]
+    windows, losses = zip(*trained, strict=True)
     return PosteriorArtifact(
         start_time=0.0,
         sampling_step=float(campaign["step"]),

@@ -152,8 +152,7 @@ class FractionalArtifact:
     def write(self, path: Path) -> None:
         """Write the artifact as JSON."""
         content = asdict(self)
-        provenance = content.pop("provenance")
-        write_artifact(path, SCHEMA, VERSION, provenance, content)
+        write_artifact(path, SCHEMA, VERSION, content.pop("provenance"), content)
 
     @classmethod
     def read(cls, path: Path) -> FractionalArtifact:

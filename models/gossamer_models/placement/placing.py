@@ -107,6 +107,11 @@ class Placing:
     unseen: tuple[str, ...] = ()
 
     @property
+    def placements(self) -> dict[str, Placement]:
+        """The membrane's own sensors, if they are known, and the chosen ones."""
+        return {name: p for name, p in (("own", self.own), ("chosen", self.chosen)) if p is not None}
+
+    @property
     def record(self) -> str:
         """What a record is."""
         return f"{self.samples} samples, one each {self.step:.4g} s" if self.step else f"{self.samples} states of rest"
@@ -290,13 +295,13 @@ def _samples(noise: float, step: float, stop: float) -> int:
 
 def write_csv(found: Placing, path: Path) -> None:
     """Write a row for each zone: number and name, and for each placement the deviation and a90 of its damage [1]."""
-    placements = {"own": found.own, "chosen": found.chosen}
-    columns = {name: p for name, p in placements.items() if p is not None}
     with replacing(path) as unfinished, unfinished.open("w", encoding="utf-8", newline="") as file:
         rows = csv.writer(file, lineterminator="\n")
-        rows.writerow(["zone", "name", *(f"{name} {what} [1]" for name in columns for what in ("deviation", "a90"))])
+        rows.writerow(
+            ["zone", "name", *(f"{name} {what} [1]" for name in found.placements for what in ("deviation", "a90"))]
+        )
         for k, name in enumerate(found.structure.zone_names):
-            numbers = [f"{v:.6g}" for p in columns.values() for v in (p.deviation[k], p.a90[k])]
+            numbers = [f"{v:.6g}" for p in found.placements.values() for v in (p.deviation[k], p.a90[k])]
             rows.writerow([k + 1, name, *numbers])
 
 

@@ -14,7 +14,7 @@ from gossamer_files.plots import Panels, draw_panels
 from ..arrays import Matrix, Vector
 from ..membrane import Structure
 from ..twin.least_squares import MOST_DAMAGE
-from .placing import Placement, Placing
+from .placing import Placing
 
 NAMED = 40  # zones with a label: more would cover the picture
 LENGTH = 0.05  # of the line of a sensor, shares of the membrane's size
@@ -34,11 +34,6 @@ def save_picture(found: Placing, path: Path) -> None:
         draw_panels(panels, figure)
 
 
-def placements(found: Placing) -> list[tuple[str, Placement]]:
-    """List the membrane's own sensors, if they are known, and the chosen ones."""
-    return [(name, p) for name, p in (("own", found.own), ("chosen", found.chosen)) if p is not None]
-
-
 def damage_text(value: float) -> str:
     """Say how large a damage is that is found."""
     return f"{100.0 * MOST_DAMAGE:g} % or more" if value >= MOST_DAMAGE else f"{100.0 * value:.3g} %"
@@ -48,7 +43,7 @@ def _zones(found: Placing) -> Chart:
     zones = np.arange(1, found.structure.n_zones + 1)
     traces = [
         bars(f"{len(p.sensors)} {name} sensors", zones, 100.0 * p.a90, color)
-        for color, (name, p) in zip(("@grey", "@0"), placements(found)[-2:], strict=False)
+        for color, (name, p) in zip(("@grey", "@0"), found.placements.items(), strict=False)
     ]
     layout = {"barmode": "group", "xaxis": {"dtick": 1} if len(zones) <= NAMED else {}}
     return Chart("Smallest damage found in 90 % of cases", "zone", "a90 [% damage]", traces, layout=layout, broad=True)
@@ -66,7 +61,7 @@ def _curve(found: Placing) -> list[Chart]:
 
 def _check(found: Placing) -> list[Chart]:
     traces = []
-    for color, (name, p) in zip(("@1", "@0"), placements(found), strict=False):
+    for color, (name, p) in zip(("@1", "@0"), found.placements.items(), strict=False):
         if p.check is not None:
             zones = np.arange(1, len(p.check.predicted) + 1)
             predicted, observed = 100.0 * p.check.predicted, 100.0 * p.check.observed
@@ -78,7 +73,7 @@ def _check(found: Placing) -> list[Chart]:
 
 def _maps(found: Placing) -> list[Chart]:
     """Draw the membrane along its normal, zones coloured by a90 on a logarithmic scale, with the sensors."""
-    values = np.concatenate([p.a90 for _, p in placements(found)])
+    values = np.concatenate([p.a90 for p in found.placements.values()])
     limits = np.log10([values.min(), max(values.max(), 1.01 * values.min())])
     mesh = found.structure.mesh
     view = view_of(mesh.nodes)
@@ -87,7 +82,7 @@ def _maps(found: Placing) -> list[Chart]:
     named = [next((x for x, axis in zip("xyz", np.eye(3), strict=True) if np.allclose(along, axis)), "") for along in view.T]
     axes = [f"{name} [m]".strip() for name in named]
     charts = []
-    for name, p in placements(found):
+    for name, p in found.placements.items():
         shade = (np.log10(p.a90) - limits[0]) / (limits[1] - limits[0])
         traces: list[Trace] = []
         places = []

@@ -18,6 +18,8 @@ from fmpy.model_description import BaseUnit
 from gossamer_files.measured.units import in_base_units
 from numpy.typing import NDArray
 
+from ..errors import require
+
 SAME = {"Float64": "Real", "Int32": "Integer"}  # FMI 3.0's name: the one used here
 FLOATS = ("Real", "Float32")
 LARGEST_EXACT = 2**53  # integers up to here are exact as floats
@@ -63,9 +65,7 @@ def parse(kind: str, text: str | None) -> Value:
     if kind in INTEGERS:
         return int(text or 0)
     if kind == "Boolean":
-        if text not in ("true", "1", "false", "0", "", None):
-            msg = f"{text!r} is neither true nor false"
-            raise ValueError(msg)
+        require(text in ("true", "1", "false", "0", "", None), f"{text!r} is neither true nor false", ValueError)
         return text in ("true", "1")
     return bytes.fromhex(text or "") if kind == "Binary" else text or ""
 

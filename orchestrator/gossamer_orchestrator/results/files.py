@@ -43,24 +43,6 @@ _LOADED = 20_000_000  # [byte] results above stay on the disk until they are use
 _CELLS = 500_000  # values that are in memory at a time
 
 
-def save_results(data: xr.Dataset, folder: Path) -> tuple[Path, Path]:
-    """Write ``results.nc`` and ``results.csv`` into a folder, which is made if needed; return both paths.
-
-    Raises
-    ------
-    ResultsError
-        The folder cannot be written. Each file is as it was, or complete.
-    """
-    make_folder(folder)
-    netcdf, table = folder / NETCDF, folder / CSV
-    try:
-        with writing(netcdf, ResultsError), replacing(netcdf) as new:
-            data.to_netcdf(new, engine="scipy", format="NETCDF3_64BIT")
-    finally:
-        save_csv(data, folder)
-    return netcdf, table
-
-
 def save_csv(data: xr.Dataset, folder: Path) -> None:
     """Write ``results.csv``; raise ``ResultsError`` if that is not possible."""
     path = folder / CSV
@@ -113,7 +95,7 @@ def load_results(path: Path) -> xr.Dataset:
     Raises
     ------
     ResultsError
-        There is no file, or ``save_results`` did not write it.
+        There is no file, or no run wrote it.
     """
     path = Path(path)
     check_path(path, ResultsError)

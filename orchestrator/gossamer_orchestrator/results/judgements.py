@@ -67,10 +67,6 @@ class Judgement:
         """What stands for each zone after the word "zone"."""
         return self.zones or tuple(str(k + 1) for k in range(self.estimated.size))
 
-    def label(self, zone: int) -> str:
-        """Return what stands for a zone, counted from 0, after the word "zone"."""
-        return self.labels[zone]
-
     @property
     def mean_absolute_error(self) -> float:
         """Mean over the zones of ``|estimated - true|`` [1]."""
@@ -258,7 +254,7 @@ def zone_table(judgement: Judgement) -> Table:
     known = bool(np.isfinite(judgement.true).all())
     errors = (
         f"mean absolute error {100 * judgement.mean_absolute_error:.2f} %\n"
-        f"largest error {100 * judgement.largest_error:+.2f} % in zone {judgement.label(judgement.worst_zone - 1)}\n"
+        f"largest error {100 * judgement.largest_error:+.2f} % in zone {judgement.labels[judgement.worst_zone - 1]}\n"
     )
     what = f"{'true -> ' * known}estimated{' +- its standard deviation' * certain}"
     table = Table(
@@ -278,7 +274,7 @@ def zone_table(judgement: Judgement) -> Table:
             if certain:
                 numbers += f" +- {100 * judgement.deviation[zone]:.1f}"
             cells.append(
-                f"zone {judgement.label(zone)}\n"
+                f"zone {judgement.labels[zone]}\n"
                 + (f"[bold]{numbers}[/bold]" if true > 0.0 or estimated >= 5.0 else numbers)
             )
         table.add_row(*cells)
@@ -295,7 +291,7 @@ def window_table(ended: Sequence[Judgement], most: int | None = None) -> TableTe
         zone = int(np.argmax(judgement.estimated))
         found = judgement.estimated[zone] >= LEAST_SHOWN
         true = f"{100 * judgement.true[zone]:.0f}" if found else "-"
-        cells = [f"{judgement.time:.4f}", judgement.label(zone) if found else "-", f"{100 * judgement.estimated[zone]:.1f}"]
+        cells = [f"{judgement.time:.4f}", judgement.labels[zone] if found else "-", f"{100 * judgement.estimated[zone]:.1f}"]
         cells += [true, f"{100 * judgement.mean_absolute_error:.2f}"] * known
         rows.append((*cells, f"{judgement.likeness_value:.2g}", "yes" if judgement.valid else "no"))
     some = f", the last {len(rows)} of {len(ended)}" if len(rows) < len(ended) else ""

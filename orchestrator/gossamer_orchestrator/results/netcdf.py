@@ -126,13 +126,6 @@ class GrowingFile:
             self.count = struct.unpack(">i", file.read(4))[0]
 
     @classmethod
-    def create(cls, path: Path, header: bytes, layout: Layout) -> GrowingFile:
-        """Start a file without rows."""
-        with writing(path, ResultsError):
-            path.write_bytes(header)
-        return cls(path, layout)
-
-    @classmethod
     def reopen(cls, path: Path, header: bytes, layout: Layout, count: int) -> GrowingFile:
         """Continue a file after so many of its rows.
 
@@ -145,10 +138,7 @@ class GrowingFile:
         with file._opened() as opened:
             there = opened.read(layout.begin)
         first, last = layout.places["ended"], layout.places["divided_steps"] + 4
-        if (there[8:first], there[last:]) != (header[8:first], header[last:]) or file.count < count:
-            msg = f"{path} does not fit the state to resume from. Run it from its start, without {option('resume', True)}."
-            raise ResultsError(msg)
-        file.cut(count)
+        file.resume(count, fits=(there[8:first], there[last:]) == (header[8:first], header[last:]))
         file.end(UNFINISHED, 0.0, 0)
         return file
 
@@ -167,6 +157,14 @@ class GrowingFile:
             records[:, self.layout.cells] = part
             self._write({self.layout.begin + self.count * self.layout.record: records.tobytes()})
             self.cut(self.count + len(part))
+
+    def resume(self, count: int, *, fits: bool = True) -> None:
+        """Go on after so many of the rows; raise ``ResultsError`` if there are fewer, or the file does not fit."""
+        if not fits or self.count < count:
+            left = option("resume", True)
+            msg = f"{self.path} does not fit the state to resume from. Run it from its start, without {left}."
+            raise ResultsError(msg)
+        self.cut(count)
 
     def cut(self, count: int) -> None:
         """Let the file have so many of the rows that were written."""

@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from gossamer_files.options import option
 
 from ..errors import ResultsError, check_path, writing
 from ..fmi.shape import Array, Integers, Surface
@@ -184,10 +183,7 @@ def create_shapes(path: Path, surfaces: Mapping[str, Surface], time: float, fram
 def reopen_shapes(path: Path, width: int, count: int) -> GrowingFile:
     """Continue a file whose instants are so many numbers, after so many of them; raise ``ResultsError`` if it has fewer."""
     file = GrowingFile(path, _layout(path, width))
-    if file.count < count:
-        msg = f"{path} does not fit the state to resume from. Run it from its start, without {option('resume', True)}."
-        raise ResultsError(msg)
-    file.cut(count)
+    file.resume(count)
     return file
 
 

@@ -110,16 +110,8 @@ def _by_twin(
     what = f"Damaged: {_listed(damage, deviation, zones, 2, labels)}" if zones else "No damage after all"
     sentence = f"{what}, since t = {onset}, by the digital twin, which explains the record (± is one standard deviation)."
     known = ended[-1].true if ended and ended[-1].true.shape == damage.shape else np.full(damage.shape, np.nan)
-    beside = [_truth(damage, known, labels), *_beside_twin(finding, ended), *sensing, *more]
-    beside = (
-        beside
-        if ended
-        else [
-            beside[0],
-            *([f"The detector gave none: {_why_none(data)}"] if find_all(data, "detector") else []),
-            *beside[1:],
-        ]
-    )
+    none = [f"The detector gave none: {_why_none(data)}"] if not ended and find_all(data, "detector") else []
+    beside = [_truth(damage, known, labels), *none, *_beside_twin(finding, ended), *sensing, *more]
     return Verdict("damage" if zones else "invalid" if sensing else "healthy", sentence, beside)
 
 
@@ -141,7 +133,7 @@ def _beside_twin(finding: Mapping[str, Any], ended: Sequence[Judgement]) -> list
         if begin < finding["onset"]
         else "it compares a single window with the simulated cases of its training, where the twin fits the record itself"
     )
-    most = f"{100.0 * apart[worst]:.1f} % in zone {judged.label(worst)}"
+    most = f"{100.0 * apart[worst]:.1f} % in zone {judged.labels[worst]}"
     return [f"The detector differs by up to {most}, for {why}: {_judged(judged)}."]
 
 

@@ -71,7 +71,9 @@ class Recorder:
             simulation.read()
         if self.count == len(self._rows):
             self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
-        self._take(simulation, self._rows[self.count])
+        row = self._rows[self.count]
+        row[0] = self._start + tick * self._step
+        simulation.values.take(self._places, None, row[1:], "clip")
         self.count += 1
 
     def end(self, simulation: Simulation) -> None:
@@ -81,11 +83,6 @@ class Recorder:
         """Forget the rows written so far, but the last few."""
         self._rows[:keep] = self._rows[self.count - keep : self.count]
         self.count = keep
-
-    def _take(self, simulation: Simulation, row: NDArray[np.float64]) -> None:
-        """Fill a row with the present time and values."""
-        row[0] = self._start + simulation.tick * self._step
-        simulation.values.take(self._places, None, row[1:], "clip")
 
     @property
     def rows(self) -> NDArray[np.float64]:

@@ -227,7 +227,9 @@ class Stream:
                 text = f"the unfinished run in %s is replaced by this one. {option('resume', True)} continues a run"
                 logger.warning(text, self._folder)
             (self._folder / RESUME).unlink(missing_ok=True)
-            self._file = GrowingFile.create(path, header, layout)
+            with writing(path, ResultsError):
+                path.write_bytes(header)
+            self._file = GrowingFile(path, layout)
         else:
             moved = not path.exists()
             if moved:

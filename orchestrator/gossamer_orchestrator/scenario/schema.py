@@ -48,6 +48,7 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, field_validator
 
+from ..errors import require
 from ..names import split_endpoint
 from .source import Source
 
@@ -251,9 +252,7 @@ class StepControl(ScenarioTable):
     @field_validator("parts")
     @classmethod
     def _is_a_power_of_two(cls, parts: int) -> int:
-        if parts & (parts - 1):
-            msg = "'parts' is a power of two, such as 64 or 1024"
-            raise ValueError(msg)
+        require(not parts & (parts - 1), "'parts' is a power of two, such as 64 or 1024", ValueError)
         return parts
 
 

@@ -123,7 +123,7 @@ def test_the_command_builds_a_shipped_membrane_and_refuses_an_unknown_one(tmp_pa
     assert "Did you mean 'reflector'" in result.stderr
     result = call("build", "membrane", "--mesh", "a.msh", "--out", tmp_path)
     assert result.exit_code == 1
-    assert "need a setup" in result.stderr
+    assert "needs a setup" in result.stderr
 
 
 @pytest.mark.parametrize("name", ["drum", "reflector", "sail", "tube"])

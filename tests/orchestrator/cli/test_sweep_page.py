@@ -8,10 +8,10 @@ import xarray as xr
 from command_line import invoke
 from gossamer.pages.sweep import sweep_page
 from gossamer_orchestrator.pages import write_page
-from gossamer_orchestrator.results.files import save_results
 from gossamer_orchestrator.results.report.cases import open_cases
 from gossamer_orchestrator.run.sweep import combine, make_cases
 from reading_pages import read_page, values
+from saving import save_results
 
 DEPTHS, GAINS = [0.0, 0.2, 0.4], [1.0, 2.0]
 

@@ -16,8 +16,8 @@ from gossamer_models.sensor import default_artifact
 from gossamer_models.twin import Answer, MembraneForward, ResponseRecord
 from gossamer_models.twin.simulation import SensedForward
 from gossamer_orchestrator import OrchestratorError
-from gossamer_orchestrator.results.files import save_results
 from reading_pages import read_page, values
+from saving import save_results
 
 pytest.importorskip("ziglang", reason="the twin needs the compiler for its speed")
 

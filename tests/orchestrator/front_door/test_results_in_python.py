@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from command_line import invoke
 from gossamer_models.sensor import SensorArtifact
-from gossamer_orchestrator import save_results
 from gossamer_orchestrator.results.places import with_places
+from saving import save_results
 
 GAIN = 'step = 0.1\nstop = 1.0\n[components.g]\nfmu = "gain"\ninputs = { u = 1.0, "offset[*]" = 0.0 }\n'
 

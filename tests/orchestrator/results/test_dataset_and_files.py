@@ -8,12 +8,12 @@ import json
 import numpy as np
 import pytest
 import xarray as xr
-from gossamer_fmus import build_fmu
+from building import build_fmu
 from gossamer_orchestrator import ProgressBar, ResultsError, ScenarioError, load_results, parse_scenario, run_scenario
 from gossamer_orchestrator.results.dataset import RecordedScalar, arrange
-from gossamer_orchestrator.results.files import save_results
 from rich.console import Console
 from sails import sail_model
+from saving import save_results
 from stopping import KeepStates, WaitAt
 
 

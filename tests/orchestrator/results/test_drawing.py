@@ -12,9 +12,10 @@ import pytest
 from gossamer.runs import draw
 from gossamer_orchestrator import ResultsError
 from gossamer_orchestrator.results.drawing import SHARES, Drawing
-from gossamer_orchestrator.results.files import NETCDF, save_results
+from gossamer_orchestrator.results.files import NETCDF
 from gossamer_orchestrator.results.report import save_pictures
 from gossamer_orchestrator.results.report.pictures import PICTURES
+from saving import save_results
 
 
 @pytest.fixture

@@ -212,7 +212,7 @@ def test_a_value_has_the_unit_and_the_digits_of_its_deviation():
 
 def test_zones_of_a_setup_stand_by_their_names(data, tmp_path):
     """In the tables, the verdict and the picture; of a membrane without names by their numbers."""
-    assert windows(data)[-1].label(2) == "3"
+    assert windows(data)[-1].labels[2] == "3"
     names = [f"ring {1 + k // 4} sector {1 + k % 4}" for k in range(16)]
     data.attrs["fmus"] = json.dumps({"membrane": {"setup": json.dumps({"zone_names": names})}})
     ended = windows(data)

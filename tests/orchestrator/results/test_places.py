@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from gossamer_orchestrator import judge
 from gossamer_orchestrator.fmi.shape import Surface
-from gossamer_orchestrator.results.files import save_results
 from gossamer_orchestrator.results.places import with_places
 from gossamer_orchestrator.results.shapes import create_shapes
+from saving import save_results
 
 SIDE = 0.588 + 2 * 0.006
 

@@ -15,7 +15,6 @@ from gossamer_files.thinning import Pixels
 from gossamer_orchestrator import ResultsError
 from gossamer_orchestrator.pages import Page, write_page
 from gossamer_orchestrator.pages.page import unbroken
-from gossamer_orchestrator.results.files import save_results
 from gossamer_orchestrator.results.judgements import windows
 from gossamer_orchestrator.results.readers import StrainError
 from gossamer_orchestrator.results.report import run_page, write_report
@@ -24,6 +23,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from long_run import long_run
 from reading_pages import Reader, numbers, with_spaces
+from saving import save_results
 
 
 @pytest.fixture

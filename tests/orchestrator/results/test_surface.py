@@ -12,12 +12,12 @@ from gossamer_models import Stepper
 from gossamer_models.membrane import membrane_model, square_structure
 from gossamer_orchestrator import ResultsError
 from gossamer_orchestrator.fmi.shape import Shape, Surface
-from gossamer_orchestrator.results.files import save_results
 from gossamer_orchestrator.results.report.membrane import surface_content
 from gossamer_orchestrator.results.shapes import SLACK, TAUT, WRINKLED, ShapeHistory, create_shapes, face_strains
 from gossamer_orchestrator.results.vtk import export_vtk
 from reading_pages import Reader, content_of, numbers
 from sails import sail_file, sail_model
+from saving import save_results
 
 
 def surface(nu: float = 0.3) -> Surface:

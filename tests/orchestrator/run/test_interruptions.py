@@ -15,8 +15,8 @@ import numpy as np
 import psutil
 import pytest
 from gossamer_orchestrator import load_results, parse_scenario, run_scenario
-from gossamer_orchestrator.results.files import save_results
 from gossamer_orchestrator.run.folders import locked
+from saving import save_results
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="sends signals as POSIX has them")
 

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import xarray as xr
-from gossamer_fmus import build_fmu
+from building import build_fmu
 from gossamer_models import StepModel, Stepper
 from gossamer_models.variables import input_, output
 from gossamer_orchestrator import FmuFile, Simulation, make_plan, parse_scenario, run_scenario

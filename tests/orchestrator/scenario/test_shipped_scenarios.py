@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from building import build_fmu
 from gossamer.descriptions import load_structure
-from gossamer_fmus import build_all, build_fmu
+from gossamer_fmus import build_all
 from gossamer_models.identify import identify_files, settings_for
 from gossamer_models.membrane import membrane_model
 from gossamer_orchestrator import judge, load_results, load_scenario, make_plan, parse_scenario, run_scenario

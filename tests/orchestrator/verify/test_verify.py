@@ -11,8 +11,9 @@ import sys
 import zipfile
 
 import pytest
+from building import build_fmu
 from command_line import invoke
-from gossamer_fmus import build_all, build_fmu
+from gossamer_fmus import build_all
 from gossamer_models.sensor import sensor_model
 from gossamer_orchestrator.verify import FAILED, NOT_APPLICABLE, PASSED, REMARK, verify
 from gossamer_orchestrator.verify.checks import Finding
