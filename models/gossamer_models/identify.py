@@ -255,7 +255,10 @@ def identify_files(
         f"{r.name} has the scale {s.offset:.6g} + {s.gain:.6g} R, where R is of {records[0].name}."
         for r, s in zip(records[1:], scales[1:], strict=False)
     )
+    tested = [e.nrmse / 100.0 for e in errors if e.stretch == "test"]
     artifact: Any = replace(fit.artifact, provenance=provenance)
+    if isinstance(fit, PreisachFit):
+        artifact = replace(artifact, error=max(tested, default=0.0) or None)
     fit = replace(fit, artifact=artifact)
     remarks = (*repairs, *doubted)
     return Identified(

@@ -8,7 +8,7 @@ from gossamer_models.membrane import square_structure
 from gossamer_models.sensor import default_artifact
 from gossamer_models.twin import MembraneForward, ResponseRecord, Twin
 from gossamer_models.twin.discrepancy import SPACING, Discrepancy
-from gossamer_models.twin.sensor_error import GROUPS, SensorError, likeliest_scales
+from gossamer_models.twin.sensor_error import GROUPS, MISSED, SensorError, mean_square_scales
 from gossamer_models.twin.simulation import SensedForward, SensorBank
 
 STEP, STEPS = 1e-3, 400
@@ -53,7 +53,8 @@ def test_scales_are_those_that_errors_were_drawn_with():
     true = np.full(len(GROUPS), 1e-4)
     true[[1, 3]] = [0.2, 0.05]
     r = (true[group] * random.standard_normal(len(group))) @ F + random.standard_normal(900)
-    found = likeliest_scales(F, r, group, np.array(list(GROUPS.values())))
+    prior = MISSED * np.array(list(GROUPS.values()))
+    found = mean_square_scales(F, r, group, prior, prior)
     np.testing.assert_allclose(found[[1, 3]], true[[1, 3]], rtol=0.3)
     assert np.delete(found, [1, 3]).max() < 0.02
 

@@ -203,6 +203,8 @@ class SensorArtifact:
     noise : float or None
         Standard deviation [1] of the white noise of the output in the training stretches, with which the estimator was
         judged; None where it was not measured.
+    error : float or None
+        What the model misses of the worst test stretch, root mean square as a share of its range [1]; None without one.
     provenance : dict
         Origin and digest of the data, command, errors reached, assumptions.
 
@@ -222,6 +224,7 @@ class SensorArtifact:
     compensator: str | None = None
     scales: Scales | None = None
     noise: float | None = None
+    error: float | None = None
     provenance: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -233,6 +236,9 @@ class SensorArtifact:
         require(
             self.noise is None or 0.0 <= self.noise < np.inf,
             f"the noise is {self.noise}; a standard deviation is not negative. {again}",
+        )
+        require(
+            self.error is None or 0.0 < self.error < np.inf, f"the error is {self.error:g}; a deviation is positive. {again}"
         )
         for name, table in (("mu", self.mu), ("nu", self.nu)):
             _check_table(name, table, (len(self.mu), len(self.mu)))

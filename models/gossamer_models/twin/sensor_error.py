@@ -28,8 +28,9 @@ MEMORIES = 4  # time constants, from ten steps to a third of the record
 RATES = (0.01, 0.1, 1.0)  # of the largest rate: where a dependence on the rate bends
 PLAYS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5)  # half-widths, of the range of the resistance
 KNOTS = 5  # of a field on a table, along its lines and across them
-# Median of the prior of each group's scale, of the range; the offset's of the change at full scale.
-GROUPS = dict.fromkeys(("offset", "shape", "drift", "rate", "memory", "play", "tables"), 0.03) | {"rest": 3e-3}
+# Groups of features, and the median of the prior of each one's scale, as a share of what the sensor's model misses.
+GROUPS = dict.fromkeys(("offset", "shape", "drift", "rate", "memory", "play", "tables"), 1.0) | {"rest": 0.1}
+MISSED = 0.03  # by a model, of the range, if its identification did not test it
 BROAD = 3.0  # deviation of the logarithm of a scale
 SMALLEST, LARGEST = 1e-6, 1.0  # scale
 STEPS = 30  # of the search of the scales
@@ -53,12 +54,15 @@ class SensorError:
         Along it [ohm].
     group : ndarray of int, shape (f,)
         Group of each feature.
+    prior : ndarray, shape (groups,)
+        Median of each scale before a record [1]; that of offsets is a share of the change at full scale.
     """
 
     scales: Matrix
     resistance: Matrix
     features: Matrix
     group: NDArray[np.int64]
+    prior: Vector
 
     @classmethod
     def along(
@@ -78,11 +82,13 @@ class SensorError:
             Of each group [1]; None for those that are likeliest before a record.
         """
         groups = _features(bank, strain, resistance, h)
+        prior = np.clip((bank.artifact.error or MISSED) * np.array(list(GROUPS.values())), SMALLEST, LARGEST)
         return cls(
-            np.tile(list(GROUPS.values()), (len(strain), 1)) if scales is None else scales,
+            np.tile(prior, (len(strain), 1)) if scales is None else scales,
             resistance,
             np.concatenate([groups[name] for name in GROUPS]),
             np.repeat(np.arange(len(GROUPS)), [len(groups[name]) for name in GROUPS]),
+            prior,
         )
 
     @property
@@ -91,7 +97,7 @@ class SensorError:
         return np.asarray(self.features * self.scales.T[self.group][:, :, None])
 
     def told(self, values: Matrix, weigh: Weighing) -> SensorError:
-        """Return the error with the scales that a record makes likeliest, sensor by sensor.
+        """Return the error with the scales that a record tells, sensor by sensor.
 
         Parameters
         ----------
@@ -104,7 +110,7 @@ class SensorError:
         scales = self.scales.copy()
         for k, each in weigh.items():
             r = each((values - self.resistance)[None])[0]
-            scales[k] = likeliest_scales(each(self.features), r, self.group, scales[k])
+            scales[k] = mean_square_scales(each(self.features), r, self.group, scales[k], self.prior)
         return replace(self, scales=scales)
 
     def off(self, values: Matrix, reading: Matrix, weigh: Weighing) -> tuple[Shares, Shares]:
@@ -133,8 +139,8 @@ class SensorError:
         return tuple(errors), tuple(offsets)
 
 
-def likeliest_scales(F: Matrix, r: Vector, group: NDArray[np.int64], start: Vector) -> Vector:
-    r"""Return the scale of each group of features that makes residuals likeliest.
+def mean_square_scales(F: Matrix, r: Vector, group: NDArray[np.int64], start: Vector, median: Vector) -> Vector:
+    r"""Return the root mean square of the scale of each group of features, as residuals tell it.
 
     Parameters
     ----------
@@ -144,36 +150,39 @@ def likeliest_scales(F: Matrix, r: Vector, group: NDArray[np.int64], start: Vect
         Residuals in units of the noise.
     group : ndarray of int, shape (f,)
         Group of each feature.
-    start : ndarray, shape (groups,)
-        Scales to start from.
+    start, median : ndarray, shape (groups,)
+        Scales to start from, and the medians of their priors.
 
     Notes
     -----
-    The largest marginal likelihood of :math:`r \sim N(0, I + F^T T^2 F)`, T the diagonal matrix of scales, times
+    First the largest marginal likelihood of :math:`r \sim N(0, I + F^T T^2 F)`, T the diagonal matrix of scales, times
     the priors of the scales (type II maximum likelihood [1]_). With :math:`S = (I + T F F^T T)^{-1}` and the means
-    :math:`c = S T F r`, its derivative by :math:`\log t_i` is :math:`c_i^2 - 1 + S_{ii}`.
+    :math:`c = S T F r`, its derivative by :math:`\log t_i` is :math:`c_i^2 - 1 + S_{ii}`. Then the mean of
+    :math:`t^2` of each group, the others at their likeliest: the covariance of what has an uncertain scale is that of its
+    mean square. Over the modes of what a group adds, twice :math:`\log p` is
+    :math:`\sum_i t^2 c_i^2 / (1 + t^2 e_i) - \log(1 + t^2 e_i)`.
 
     References
     ----------
     .. [1] D. J. C. MacKay, Neural Computation 4(3), 415-447, 1992, doi:10.1162/neco.1992.4.3.415.
     """
-    G, b, median = F @ F.T, F @ r, np.log(list(GROUPS.values()))
+    G, b, middle = F @ F.T, F @ r, np.log(median)
 
     def unlikely(log_scale: Vector) -> tuple[float, Vector]:
-        t, away = np.exp(log_scale)[group], (log_scale - median) / BROAD
+        t, away = np.exp(log_scale)[group], (log_scale - middle) / BROAD
         A = t[:, None] * G * t
         A[np.diag_indices_from(A)] += 1.0
         factor = scipy.linalg.cho_factor(A, lower=True)
         S = scipy.linalg.cho_solve(factor, np.eye(len(t)))
         c = S @ (t * b)
         value = np.log(np.diag(factor[0])).sum() - 0.5 * c @ (t * b) + 0.5 * away @ away
-        return float(value), np.bincount(group, 1.0 - np.diag(S) - c**2, len(median)) + away / BROAD
+        return float(value), np.bincount(group, 1.0 - np.diag(S) - c**2, len(middle)) + away / BROAD
 
-    limits = [(np.log(SMALLEST), np.log(LARGEST))] * len(median)
+    limits = [(np.log(SMALLEST), np.log(LARGEST))] * len(middle)
     found = minimize(unlikely, np.log(start), jac=True, method="L-BFGS-B", bounds=limits, options={"maxiter": STEPS})
     t, s2 = np.exp(found.x)[group], np.geomspace(SMALLEST, LARGEST, TRIED)[:, None] ** 2
-    mean_square = np.empty(len(median))
-    for k in range(len(median)):
+    mean_square = np.empty(len(middle))
+    for k in range(len(middle)):
         own, rest = group == k, group != k
         beside = t[rest, None] * np.column_stack([G[rest][:, own], b[rest]])
         A = np.eye(rest.sum()) + t[rest, None] * G[np.ix_(rest, rest)] * t[rest]
@@ -181,7 +190,7 @@ def likeliest_scales(F: Matrix, r: Vector, group: NDArray[np.int64], start: Vect
         e, V = np.linalg.eigh(left[:, :-1])
         e, c = np.maximum(e, 0.0), V.T @ left[:, -1]
         gain = 0.5 * np.sum(s2 * c**2 / (1.0 + s2 * e) - np.log1p(s2 * e), axis=1)
-        gain -= 0.5 * ((0.5 * np.log(s2[:, 0]) - median[k]) / BROAD) ** 2
+        gain -= 0.5 * ((0.5 * np.log(s2[:, 0]) - middle[k]) / BROAD) ** 2
         weight = np.exp(gain - gain.max())
         mean_square[k] = weight @ s2[:, 0] / weight.sum()
     return np.asarray(np.sqrt(mean_square))
