@@ -5,8 +5,8 @@ import pytest
 from gossamer_models import ArtifactError, DataError
 from gossamer_models.twin.discrepancy import SPACING, Discrepancy, default_discrepancy, learn, spline_matrix
 from gossamer_models.twin.least_squares import MOST_DAMAGE, LeastSquares, Quadratic, bounded_minimum, descend
-from gossamer_models.twin.problem import RecordWeights
 from gossamer_models.twin.search import Fit, with_rivals
+from gossamer_models.twin.weights import RecordWeights
 from gossamer_models.twin.zone_sets import ODDS, Box, alternatives
 from hypothesis import given, settings
 from hypothesis import strategies as st
