@@ -56,9 +56,9 @@ def in_colour(
     Returns
     -------
     tuple
-        The record with its noise, its fit, and other minima; unchanged where the noise is white.
+        The record with its noise, its fit, and other minima; as before where the noise is white, or too slow to be noise.
     """
-    known, minima, before = record, list[Fit](), np.zeros((2, len(record.values)))
+    white, known, minima, before = fit, record, list[Fit](), np.zeros((2, len(record.values)))
     for _ in range(ROUNDS):
         found = coloured(record, fit, SLOWEST * period)
         now = np.array([found.noise, found.follows])
@@ -69,7 +69,8 @@ def in_colour(
             fit = weighed(known, now[0], fit)
         else:
             fit, minima = anew(known)
-    return known, fit, minima
+    too_slow = known.follows.max() > math.exp(-record.step / (SLOWEST * period) / (1.0 - SETTLED))
+    return (record, white, []) if too_slow else (known, fit, minima)
 
 
 def of_noise(record: ResponseRecord) -> list[str]:
@@ -97,13 +98,14 @@ def coloured(record: ResponseRecord, fit: Fit, slowest: float) -> ResponseRecord
     """
     problem, compared = fit.problem, record.first(fit.problem.record.samples)
     reading, unknown = problem.reading(fit.point), problem.unknown(fit.point)
-    rough = compared.noise_deviation(reading)
-    noise, follows = np.fmin(record.noise_deviation(), rough), np.zeros(len(rough))
+    rough = replace(compared, least_noise=0.0).noise_deviation(reading)
+    noise, follows = np.fmin(record.noise_deviation(), compared.noise_deviation(reading)), np.zeros(len(rough))
+    least = np.broadcast_to(record.least_noise, len(rough))
     for k in compared.sensors:
         left = np.nan_to_num(compared.values[[k]] - reading[[k]])
         unlikely = _unlikelihood(problem, k, left, unknown, rough[k])
-        sizes = np.log([rough[k], np.sqrt(np.mean(left**2))]).tolist()
-        limits = [(sizes[0] - 1.0, math.log(np.ptp(left))), (math.log(FASTEST * record.step), math.log(slowest))]
+        sizes = np.log([rough[k], max(rough[k], np.sqrt(np.mean(left**2)))]).tolist()
+        limits = [(sizes[0] - 1.0, sizes[1] + 3.0), (math.log(FASTEST * record.step), math.log(slowest))]
         taus = np.log(np.multiply(STARTS, record.step)).tolist()
         ends = [
             minimize(
@@ -115,8 +117,8 @@ def coloured(record: ResponseRecord, fit: Fit, slowest: float) -> ResponseRecord
             )
             for starts in ([(size,) for size in sizes], list(product(sizes, taus)))
         ]
-        if ends[1].fun < ends[0].fun - CERTAIN and ends[1].x[1] < limits[1][1] - SETTLED:
-            noise[k], follows[k] = math.exp(ends[1].x[0]), math.exp(-record.step / math.exp(ends[1].x[1]))
+        if ends[1].fun < ends[0].fun - CERTAIN:
+            noise[k], follows[k] = max(math.exp(ends[1].x[0]), least[k]), math.exp(-record.step / math.exp(ends[1].x[1]))
     return replace(record, noise=np.where(np.isfinite(noise), noise, 1.0), correlation=follows)  # 1: of those left out
 
 

@@ -32,10 +32,11 @@ def oddity(problem: RecordProblem, r: Vector, J: Matrix, A: Matrix) -> str:
     Notes
     -----
     Chi2 of each sensor, and of each quarter of its time, and the correlation of neighbouring samples; of all of them one
-    record of a thousand is off by chance. Coloured noise explains much, so that each octave of its frequencies has to have as
+    record of a thousand is off by chance. Coloured noise explains much, so each octave of its frequencies has to have as
     much as it should, no more and no less, beside what the unknowns have taken; values on splines go from fast to slow.
     """
     found, taken = list[tuple[float, str]](), J @ np.linalg.pinv(A, hermitian=True)
+    stated = problem.noise <= problem.record.least_noise
     for k, values in enumerate(problem.of_sensors, 1):
         mine = r[values]
         wide = 1.0 + doubt_of_noise(problem, mine.size)
@@ -54,7 +55,8 @@ def oddity(problem: RecordProblem, r: Vector, J: Matrix, A: Matrix) -> str:
             ends = 2 ** np.arange(LOWEST, max(LOWEST + 1, mine.size.bit_length() - 1))
             for q, (octave, of_J, of_taken) in enumerate(zip(*(np.split(each, ends) for each in spectra), strict=True), 1):
                 freedom, square = max(len(octave) - float(np.sum(of_J * of_taken)), 1e-3), float(np.sum(octave**2))
-                chance = min(float(chdtrc(freedom, square / wide)), float(chdtr(freedom, square * wide)))
+                less = 1.0 if stated[k - 1] else float(chdtr(freedom, square * wide))  # what is stated may be too much
+                chance = min(float(chdtrc(freedom, square / wide)), less)
                 text = f"has {square / freedom:.2g} times its share in octave {q} of the frequencies"
                 found.append((chance, f"what is left of sensor {k} is no noise of the first order: it {text}"))
     least = min(found, default=(1.0, ""))

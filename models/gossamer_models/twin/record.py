@@ -46,6 +46,8 @@ class ResponseRecord:
     correlation : float or ndarray of shape (sensors,)
         Of the noise in neighbouring samples [1], at least 0: over g samples it is its power g. Where the noise is not given,
         it is estimated too.
+    least_noise : float or ndarray of shape (sensors,)
+        Standard deviation that noise is never estimated below.
     inputs : mapping of str to ndarray of shape (n,)
         Loads and motions at the samples, by the names of the model's inputs, in its units.
     start : mapping of str to float
@@ -62,6 +64,7 @@ class ResponseRecord:
     kind: Literal["strain", "resistance"] = "strain"
     noise: float | Vector | None = None
     correlation: float | Vector = 0.0
+    least_noise: float | Vector = 0.0
     inputs: Mapping[str, Vector] = field(default_factory=dict)
     start: Mapping[str, float] = field(default_factory=dict)
 
@@ -167,6 +170,7 @@ class ResponseRecord:
 
     def _estimated_noise(self, predicted: Matrix | float) -> Vector:
         found, left = np.full(len(self.values), np.nan), self.values - predicted
+        least = np.broadcast_to(self.least_noise, len(found))
         for k in self.sensors:
             d = np.diff(left[k], DIFFERENCES)
             d = d[np.isfinite(d)]
@@ -174,7 +178,8 @@ class ResponseRecord:
                 msg = f"sensor {k + 1} has too many gaps to estimate its noise. Give the noise, or leave the sensor out."
                 raise DataError(msg)
             spread = float(np.nanmax(self.values[k]) - np.nanmin(self.values[k]))
-            found[k] = max(math.sqrt(float(np.mean(d**2)) / math.comb(2 * DIFFERENCES, DIFFERENCES)), 1e-7 * spread)
+            size = math.sqrt(float(np.mean(d**2)) / math.comb(2 * DIFFERENCES, DIFFERENCES))
+            found[k] = max(size, 1e-7 * spread, least[k])
         return found
 
 
