@@ -59,7 +59,7 @@ class TwinOptions(TypedDict, total=False):
     Attributes
     ----------
     kind
-        What to read, where the record has both.
+        What to read, where the record has both; compensated: the strain that compensators recovered in a run.
     noise
         Standard deviation of the noise, 1 or ohm; estimated by default.
     setup
@@ -78,7 +78,7 @@ class TwinOptions(TypedDict, total=False):
         Their order; 1 for bilinear ones.
     """
 
-    kind: Literal["strain", "resistance"] | None
+    kind: Literal["strain", "resistance", "compensated"] | None
     noise: kinds.NotNegative | None
     setup: kinds.File | None
     begins: Literal["rest", "equilibrium"] | None

@@ -77,8 +77,9 @@ def find_record(path: Path, options: TwinOptions, stop: float | None = None) -> 
     path : Path
         Results of a run, their folder, or a CSV file with the columns of ``read_table``.
     options : TwinOptions
-        ``kind``, None for resistance where it was recorded, else strain; ``noise``, its standard deviation; ``setup``, the
-        membrane, and ``elements_per_side`` and ``order`` of the square; ``set``, its parameters.
+        ``kind``, also compensated strain of a run; None for resistance where it was recorded, else strain; ``noise``, its
+        standard deviation; ``setup``, the membrane, and ``elements_per_side`` and ``order`` of the square; ``set``, its
+        parameters.
     stop : float, optional
         Last time to use [s].
 
@@ -95,6 +96,7 @@ def find_record(path: Path, options: TwinOptions, stop: float | None = None) -> 
     kind, noise, values = options["kind"], options["noise"], assigned(options["set"])
     structure, mesh = _structure(options), (options["elements_per_side"], options["order"])
     if path.suffix == ".csv" and not of_a_run(header_of(path)):
+        require(kind != "compensated", "compensated strain stands in the results of a run; of a table, write strain.")
         structure = structure or square_structure(*mesh)
         record = read_table(path, kind, noise, structure, options["begins"])
         found = KnownRecord(record=record, structure=structure, parameters=_assigned(values, structure))
@@ -202,6 +204,8 @@ def _recorded(
     received = {k: f"{name}.resistance" for k, name in dataset.compensators(data).items()} if sensors else {}
     names = {k: received[k] if received.get(k) in data else f"{name}.resistance" for k, name in sensors.items()}
     names = {k: name for k, name in names.items() if name in data}
+    if kind == "compensated":
+        return _compensated(data, noise, loads, count, settled=settled), {}
     if kind == "strain" or (kind is None and not names):
         strain = dataset.need(data, f"{dataset.find(data, 'membrane')}.strain")[0]
         for k in strain[strain.dims[1]].to_numpy().tolist():
@@ -219,6 +223,31 @@ def _recorded(
     known = next((parameters for parameters in each if parameters), {})
     tabled = {name: [parameters.get(name, known[name]) for parameters in each] for name in known}
     return make_record(time, values, "resistance", noise, "the results", None, loads, settled=settled), tabled
+
+
+def _compensated(
+    data: xr.Dataset, noise: float | None, loads: Mapping[str, Vector], count: int, *, settled: bool
+) -> ResponseRecord:
+    """Return the strain that compensators recovered, moved back by their delay; its noise is what they state, or more."""
+    import numpy as np
+    from gossamer_models.twin import make_record
+    from gossamer_orchestrator.results import dataset
+
+    found = {k: name for k, name in dataset.compensators(data).items() if f"{name}.strain" in data}
+    if not found:
+        msg = "the results hold no compensated strain. Add compensator?.strain to [record] in the scenario and run it again."
+        raise ResultsError(msg)
+    time = data["time"].to_numpy().astype(float)
+    values, least = np.full((count, len(time)), np.nan), np.zeros(count)
+    for k, name in found.items():
+        late = 2 if data.attrs.get("master") == "jacobi" else 0  # what sensors and compensators got is one step old
+        if "noise" in dataset.parameters_of(data, name) or f"{name}.delay" in data:
+            delay, deviation = dataset.need(data, f"{name}.delay", f"{name}.strain_deviation")
+            late += round(float(delay[-1]) / float(np.median(np.diff(time))))
+            least[k - 1] = float(deviation.mean())
+        values[k - 1, : len(time) - late] = _in_unit(data[f"{name}.strain"], "1")[late:]
+    record = make_record(time, values, "strain", noise, "the results", None, loads, settled=settled)
+    return replace(record, least_noise=least)
 
 
 def _loads(data: xr.Dataset, structure: Structure) -> dict[str, Vector]:

@@ -107,3 +107,23 @@ def test_noise_is_that_of_what_a_fit_leaves(forward, noise):
     assert answer.valid
     assert abs(answer.damage[5] - 0.3) < 3.0 * answer.deviation[5]
     assert answer.deviation[5] < 10.0 * noise
+
+
+def test_colour_of_noise_that_is_not_given_is_estimated_and_said(forward):
+    damage = np.zeros((1, 16))
+    damage[0, 5] = 0.3
+    noise = lfilter([np.sqrt(1.0 - 0.7**2)], [1.0, -0.7], np.random.default_rng(3).standard_normal((4, 2000)))[:, 1000:]
+    values = forward.strain(damage, {}, {}, 1000, STEP)[0] + 5.8e-3 * noise
+    answer = Twin(SQUARE).fit(ResponseRecord(step=STEP, values=values))
+    assert answer.valid
+    np.testing.assert_allclose(answer.record.noise_deviation(), 5.8e-3 * noise.std(axis=1), rtol=0.2)
+    np.testing.assert_allclose(answer.record.follows, 0.7, atol=0.1)
+    assert sum("is coloured: 0.5" in doubt or "is coloured: 0.6" in doubt for doubt in answer.doubts) == 4
+    assert abs(answer.damage[5] - 0.3) < 3.0 * answer.deviation[5]
+
+
+def test_load_that_is_not_known_is_no_coloured_noise(forward):
+    """Its error is as slow as noise may be, and as alike in neighbouring samples."""
+    values = forward.strain(np.zeros((1, 16)), {"pressure_amplitude": np.full(1, 1.1e4)}, {}, STEPS, STEP)[0]
+    record = ResponseRecord(step=STEP, values=values + NOISE * np.random.default_rng(4).standard_normal(values.shape))
+    assert not Twin(SQUARE, known=BY_DEFAULT).fit(record).valid

@@ -233,6 +233,7 @@ def test_a_file_becomes_an_artifact_with_provenance(tmp_path, known):
     found = identify_files([path], columns=Columns(), train="60%", settings=QUICK, full_scale=1.0, command="test")
     assert [e.stretch for e in found.errors] == ["train", "test"]
     assert found.errors[0].nrmse < 1.0
+    assert found.fit.artifact.error == pytest.approx(found.errors[1].nrmse / 100.0)  # what the twin expects of it
     assert found.fit.records[0].resistance == pytest.approx(known.resistance)
     assert found.fit.artifact.provenance["train"] == "60%"
     assert len(found.fit.artifact.provenance["sha256"]) == 64

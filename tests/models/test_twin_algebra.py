@@ -5,8 +5,8 @@ import pytest
 from gossamer_models import ArtifactError, DataError
 from gossamer_models.twin.discrepancy import SPACING, Discrepancy, default_discrepancy, learn, spline_matrix
 from gossamer_models.twin.least_squares import MOST_DAMAGE, LeastSquares, Quadratic, bounded_minimum, descend
-from gossamer_models.twin.problem import RecordWeights
 from gossamer_models.twin.search import Fit, with_rivals
+from gossamer_models.twin.weights import RecordWeights
 from gossamer_models.twin.zone_sets import ODDS, Box, alternatives
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -126,6 +126,22 @@ def test_splines_weigh_by_the_inverse_of_the_covariance():
     assert z @ z == pytest.approx(c @ np.linalg.solve(S, c), rel=1e-9)
     plain = RecordWeights(present, noise, error[:0]).weigh(r[None])[0]
     assert plain @ plain == pytest.approx(np.sum((r / noise[:, None])[present] ** 2))
+
+
+@pytest.mark.parametrize("splines", [None, spline_matrix(60, SPACING / 8.0, 60 * SPACING / 8.0)])
+def test_coloured_noise_is_weighed_by_the_inverse_of_its_covariance(splines):
+    """Gaps make a first-order process no other one."""
+    random, follows, noise = np.random.default_rng(7), np.array([0.7, 0.0]), np.array([2.0, 0.5])
+    present, r = random.random((2, 60)) < 0.8, random.standard_normal((2, 60))
+    apart = np.abs(np.subtract.outer(np.arange(60), np.arange(60)))
+    weights = RecordWeights(present, noise, np.zeros((0, 2, 60)), splines, follows=follows)
+    square, determinant = 0.0, 0.0
+    for row, seen, phi, s in zip(r, present, follows, noise, strict=True):
+        P = np.eye(60)[:, seen] if splines is None else np.linalg.qr(splines * seen[:, None])[0]
+        C, c = P.T @ phi**apart @ P, P.T @ row / s
+        square, determinant = square + c @ np.linalg.solve(C, c), determinant + np.linalg.slogdet(C)[1]
+    z = weights.weigh(r[None])[0]
+    assert (z @ z, weights.log_determinant) == pytest.approx((square, determinant), rel=1e-9)
 
 
 def test_a_learned_covariance_is_that_of_its_pairs():

@@ -9,9 +9,9 @@ from gossamer_models.sensor import default_artifact
 from gossamer_models.twin import MembraneForward, ResponseRecord, StaticRecord, Twin, Watch, read_table
 from gossamer_models.twin.groups import alike, untold
 from gossamer_models.twin.nuisances import BY_DEFAULT
-from gossamer_models.twin.problem import RecordWeights
 from gossamer_models.twin.record import best_wiring, other_wirings
 from gossamer_models.twin.simulation import SensedForward
+from gossamer_models.twin.weights import RecordWeights
 from oracles.dish import dish_file, dish_setup
 from oracles.meshes import meshed, rectangle
 

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from ..arrays import Matrix, Rows, Vector
 from .groups import UNRESOLVED
 from .least_squares import PRIOR_DEVIATION
+from .oddities import chi2_bound
 from .record import ResponseRecord, Wiring
-from .search import Fit, box, chi2_bound
+from .search import Fit, box
 from .sensor_error import Shares
 from .zone_sets import alternatives, drop_zones
 

@@ -26,8 +26,8 @@ from ..compiler import kept_library
 from ..membrane import Structure
 from .forward import MembraneForward
 from .least_squares import DAMAGE_STEP
-from .problem import RecordWeights
 from .record import SAME_LOAD, ResponseRecord, StaticRecord
+from .weights import RecordWeights
 
 VERSION = 2  # of what is kept
 PAIRS, STILL_FINER = 32, 8  # simulations with random damage, and how many of them on a still finer mesh

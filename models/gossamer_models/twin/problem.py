@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import copy
-from itertools import compress, pairwise
+from itertools import compress
 from threading import Lock
 from typing import TypeAlias
 
@@ -23,81 +23,13 @@ from .nuisances import BEYOND, SENSOR, SPARE, Nuisances
 from .record import ResponseRecord, StaticRecord
 from .sensor_error import SensorError
 from .simulation import SensedForward
+from .weights import RecordWeights
 
-NEGLIGIBLE = 1e-9  # of the largest eigenvalue: directions that gaps leave without values; of the noise's variance
-ROUNDED = 1e-14  # of the largest eigenvalue: what round-off leaves of it
 SMALL = 1e-2  # of a cause, to weigh it where sensors bend it
 NUISANCE_STEP = 1e-4  # in units of the prior's deviation
 KEPT = 64  # simulations: those of derivatives, which serve again under other weights
 SMALL_STEP = 2e-5  # of damage: errors of differences would tell modulus, density, loads and equal damage apart
 Report: TypeAlias = Callable[[int, int], None]  # how many simulations of how many
-
-
-class RecordWeights:
-    """Weigh by the covariance of white noise and of components beside it.
-
-    Parameters
-    ----------
-    present : ndarray of bool, shape (s, n)
-        Where the record has values.
-    noise : ndarray, shape (s,)
-        Standard deviations, in the unit of the record.
-    components : ndarray, shape (k, s, n)
-        Of an error of the model, in the unit of the record; their outer products add up to its covariance.
-    splines : ndarray, shape (n, splines), or None
-        Functions of time on which alone the record is compared; None to compare all of it.
-    own : ndarray, shape (f, s, n), or None
-        Components too, but those of a sensor know nothing of those of another; None for none.
-
-    Attributes
-    ----------
-    values : int
-        Independent numbers that are compared.
-    of_sensors : list of slice
-        Which of them belong to each sensor.
-    log_determinant : float
-        Of the covariance, in units of the noise's.
-    """
-
-    def __init__(
-        self, present: Rows, noise: Vector, components: Matrix, splines: Matrix | None = None, own: Matrix | None = None
-    ) -> None:
-        self._present, self._bases = present, list[Matrix]()
-        self._scale = np.where(present, 1.0 / np.where(present, noise[:, None], 1.0), 0.0)
-        for row in present if splines is not None else ():
-            seen = splines * row[:, None]
-            e, V = np.linalg.eigh(seen.T @ seen)
-            good = e > max(NEGLIGIBLE * e[-1], 1e-300)
-            self._bases.append(seen @ (V[:, good] / np.sqrt(e[good])))
-        self.values = sum(basis.shape[1] for basis in self._bases) if self._bases else int(present.sum())
-        last = np.cumsum([basis.shape[1] for basis in self._bases] or present.sum(axis=1)).tolist()
-        self.of_sensors = [slice(*ends) for ends in pairwise([0, *last])]
-        self._along = list[tuple[slice, Matrix, Vector]]()
-        if own is not None:
-            scaled = self._project(own)
-            self._along = [(values, *_modes(scaled[:, values])) for values in self.of_sensors]
-        self._along.append((slice(None), *_modes(self.weigh(components))))
-        self.log_determinant = -2.0 * float(sum(np.log1p(-less).sum() for _, _, less in self._along))
-
-    def weigh(self, y: Matrix) -> Matrix:
-        """Turn rows of readings, shape (m, s, n), into independent numbers of variance 1, shape (m, values)."""
-        scaled = self._project(y)
-        for values, along, less in self._along:
-            scaled[:, values] -= (scaled[:, values] @ along.T * less) @ along
-        return scaled
-
-    def _project(self, y: Matrix) -> Matrix:
-        scaled = np.where(self._present, y, 0.0) * self._scale
-        if not self._bases:
-            return scaled[:, self._present]
-        return np.concatenate([scaled[:, k] @ basis for k, basis in enumerate(self._bases)], axis=1)
-
-
-def _modes(components: Matrix) -> tuple[Matrix, Vector]:
-    """Return orthonormal modes of components beside white noise, shape (k, values), and what weighing takes from each."""
-    square, modes = np.linalg.eigh(components @ components.T)  # there are fewer components than values
-    seen = square > max(NEGLIGIBLE, ROUNDED * square.max(initial=0.0))
-    return (modes[:, seen] / np.sqrt(square[seen])).T @ components, 1.0 - 1.0 / np.sqrt(1.0 + square[seen])
 
 
 class DamageUnknowns:
@@ -258,12 +190,22 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         before = self.sensor_error
         if before is None:
             return self
+        error = self._error_along(self._simulated(point.x[None])[0], self.reading(point), before.scales)
+        return self.allowing(error.told(self.record.values, self.weigh_alone(self.unknown(point))))
+
+    def unknown(self, point: Point) -> Matrix:
+        """Return what deviations of the unknowns about a point change of what the sensors read, shape (k, s, n)."""
         rows, steps = neighbours(point.x, np.arange(self.size), self.steps, self.high)
-        reading = self.reading(point)
-        slopes = (self._read(self.predict(rows), self.z(rows)) - reading) / steps[:, None, None]
+        slopes = (self._read(self.predict(rows), self.z(rows)) - self.reading(point)) / steps[:, None, None]
         spread = np.where(np.arange(self.size) < self.zones, PRIOR_DEVIATION, 1.0)
-        error = self._error_along(self._simulated(point.x[None])[0], reading, before.scales)
-        return self.allowing(error.told(self.record.values, self.weigh_alone(slopes * spread[:, None, None])))
+        return np.asarray(slopes * spread[:, None, None])
+
+    def alone(self, sensor: int, noise: float, follows: float, beside: Matrix) -> RecordWeights:
+        """Return weights of one sensor, shape (m, 1, n), under another noise and beside more components, shape (k, s, n)."""
+        parts = [self._components, beside] + ([] if self.sensor_error is None else [self.sensor_error.components])
+        row, found = [sensor], np.concatenate(parts)[:, [sensor]]
+        moving = found.any(axis=(1, 2))
+        return RecordWeights(self.record.present[row], np.array([noise]), found[moving], self._splines, follows=follows)
 
     def weigh_alone(self, unknown: Matrix | None = None) -> dict[int, Callable[[Matrix], Matrix]]:
         """Return what weighs the values of each sensor alone, without an error of its own, see ``SensorError.told``.
@@ -280,9 +222,10 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         """Whether the values of a sensor follow each other in time."""
         return self._splines is None and not isinstance(self.record, StaticRecord)
 
-    def by_sensor(self, r: Vector) -> list[Vector]:
-        """Return the values of each sensor, of all of them."""
-        return [r[values] for values in self._weights.of_sensors]
+    @property
+    def of_sensors(self) -> list[slice]:
+        """Which values belong to each sensor."""
+        return self._weights.of_sensors
 
     @property
     def log_determinant(self) -> float:
@@ -296,7 +239,7 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         self.y = self._weights.weigh(np.where(self.record.present, self.record.values, 0.0)[None])[0]
 
     def _weights_of(self, present: Rows, components: Matrix, own: Matrix | None = None) -> RecordWeights:
-        return RecordWeights(present, self.noise, components, self._splines, own)
+        return RecordWeights(present, self.noise, components, self._splines, own, self.record.follows)
 
     def _error_along(self, strain: Matrix, resistance: Matrix, scales: Matrix | None = None) -> SensorError:
         bank, n = self.sensed.require_bank(), self.record.samples

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from ..arrays import Matrix, Rows, Vector
-from ..errors import DataError
+from ..errors import DataError, require
 
 LEAST_SAMPLES = 60  # per sensor: fewer cannot tell the damages
 DIFFERENCES = 6  # order of the differences that show noise
@@ -43,6 +43,11 @@ class ResponseRecord:
         What the values are.
     noise : float, ndarray of shape (sensors,), or None
         Standard deviation of the noise, in the unit of the values; None to estimate it.
+    correlation : float or ndarray of shape (sensors,)
+        Of the noise in neighbouring samples [1], at least 0: over g samples it is its power g. Where the noise is not given,
+        it is estimated too.
+    least_noise : float or ndarray of shape (sensors,)
+        Standard deviation that noise is never estimated below.
     inputs : mapping of str to ndarray of shape (n,)
         Loads and motions at the samples, by the names of the model's inputs, in its units.
     start : mapping of str to float
@@ -58,6 +63,8 @@ class ResponseRecord:
     values: Matrix
     kind: Literal["strain", "resistance"] = "strain"
     noise: float | Vector | None = None
+    correlation: float | Vector = 0.0
+    least_noise: float | Vector = 0.0
     inputs: Mapping[str, Vector] = field(default_factory=dict)
     start: Mapping[str, float] = field(default_factory=dict)
 
@@ -90,6 +97,8 @@ class ResponseRecord:
             if not (np.isfinite(noise).all() and (noise > 0.0).all()):
                 msg = f"the noise of a record is a positive deviation, not {self.noise!r}. Leave it out to estimate it."
                 raise DataError(msg)
+        msg = f"the noise of a record has a correlation from 0 to below 1, not {self.correlation!r}"
+        require(((self.follows >= 0.0) & (self.follows < 1.0)).all(), msg, DataError)
 
     @property
     def least_samples(self) -> int:
@@ -105,6 +114,11 @@ class ResponseRecord:
     def samples(self) -> int:
         """Samples of each sensor, gaps included."""
         return int(self.values.shape[1])
+
+    @property
+    def follows(self) -> Vector:
+        """Correlation of the noise of each sensor in neighbouring samples [1], shape (sensors,)."""
+        return np.broadcast_to(np.asarray(self.correlation, dtype=float), self.values.shape[:1])
 
     @property
     def present(self) -> Rows:
@@ -156,6 +170,7 @@ class ResponseRecord:
 
     def _estimated_noise(self, predicted: Matrix | float) -> Vector:
         found, left = np.full(len(self.values), np.nan), self.values - predicted
+        least = np.broadcast_to(self.least_noise, len(found))
         for k in self.sensors:
             d = np.diff(left[k], DIFFERENCES)
             d = d[np.isfinite(d)]
@@ -163,7 +178,8 @@ class ResponseRecord:
                 msg = f"sensor {k + 1} has too many gaps to estimate its noise. Give the noise, or leave the sensor out."
                 raise DataError(msg)
             spread = float(np.nanmax(self.values[k]) - np.nanmin(self.values[k]))
-            found[k] = max(math.sqrt(float(np.mean(d**2)) / math.comb(2 * DIFFERENCES, DIFFERENCES)), 1e-7 * spread)
+            size = math.sqrt(float(np.mean(d**2)) / math.comb(2 * DIFFERENCES, DIFFERENCES))
+            found[k] = max(size, 1e-7 * spread, least[k])
         return found
 
 

@@ -13,21 +13,18 @@ from functools import cached_property, partial
 from typing import TypeVar
 
 import numpy as np
-from scipy.special import chdtrc, chdtri, ndtr
 
 from ..arrays import Matrix, Rows, Vector
 from ..errors import ConvergenceError
 from .forward import WORKERS
 from .least_squares import NEGLIGIBLE, Minimum, Point, Quadratic, change, descend
 from .nuisances import BEYOND, FACTORS, MODULUS
+from .oddities import chi2_bound, oddity
 from .problem import RecordProblem
-from .record import LEAST_SAMPLES
 from .zone_sets import MOST_RIVALS, THRESHOLD, Alternatives, Box, alternatives, drop_zones, price
 
 S = TypeVar("S")
 T = TypeVar("T")
-CONFIDENCE = 0.999  # of the bound on chi2 per sample
-NOISE_DOUBT = math.sqrt(2.0 * 3.4)  # of a variance from n differences of order 6, relative, times sqrt(n)
 ROUGH = 1.0  # of chi2: where a stage may stop that another follows
 MOST_CHANGES = 4  # of the zones that are kept
 MOST_STARTS = 4  # after the first
@@ -105,38 +102,8 @@ class Fit:
 
     @cached_property
     def oddity(self) -> str:
-        """What residuals show that those of a right model do not; empty if nothing.
-
-        Chi2 of each sensor, and of each quarter of its time, and the correlation of neighbouring samples; of all of them one
-        record of a thousand is off by chance.
-        """
-        found = list[tuple[float, str]]()
-        for k, r in enumerate(self.problem.by_sensor(self.point.r), 1):
-            wide = 1.0 + doubt_of_noise(self.problem, r.size)
-            parts = [(r, "")]
-            if self.problem.in_time and r.size >= LEAST_SAMPLES:
-                parts += [(part, f" in quarter {q} of the time") for q, part in enumerate(np.array_split(r, 4), 1)]
-                follows = float(r[1:] @ r[:-1]) / max(float(r @ r), r.size)  # less noise than stated is no fault
-                text = (
-                    f"what is left of sensor {k} is no white noise: neighbouring samples have a correlation of {follows:.2f}"
-                )
-                found.append((float(ndtr(-follows * math.sqrt(r.size))), text))
-            for part, where in parts:
-                chance = float(chdtrc(part.size, part @ part / wide)) if part.size else 1.0
-                found.append((chance, f"the twin does not explain sensor {k}{where}"))
-        least = min(found, default=(1.0, ""))
-        return least[1] if least[0] * len(found) < 1.0 - CONFIDENCE else ""
-
-
-def chi2_bound(problem: RecordProblem) -> float:
-    """Return the bound on chi2 per sample of a right model; wider where the noise was estimated from the record."""
-    bound = float(chdtri(problem.values, 1.0 - CONFIDENCE)) / problem.values
-    return bound * (1.0 + doubt_of_noise(problem, int(problem.record.present.sum())))
-
-
-def doubt_of_noise(problem: RecordProblem, samples: int) -> float:
-    """Return how much larger the variance of noise that was estimated from some samples may be, as a share."""
-    return 3.0 * NOISE_DOUBT / math.sqrt(samples) if problem.record.noise is None and samples else 0.0
+        """What residuals show that those of a right model do not; empty if nothing."""
+        return oddity(self.problem, self.point.r, self.J[:, self.kept], self.model.A[np.ix_(self.kept, self.kept)])
 
 
 def search(

@@ -20,6 +20,7 @@ from ..errors import DataError, ParameterError, require
 from ..membrane import Structure
 from ..sensor import SensorArtifact
 from .answer import Answer, answer_of, untold_zones
+from .colour import in_colour, of_noise
 from .discrepancy import Discrepancy, default_discrepancy, is_learned
 from .forward import Forward, forward_of
 from .groups import alike, untold, without_nuisances
@@ -174,12 +175,33 @@ class Twin:
                 doubts.append(wiring.doubt)
             else:
                 wiring = None
+        white, (fit, looked, unresolved) = fit, self._looked(record, fit, report)
+        if not fit.passes and record.noise is None and not isinstance(record, StaticRecord):
+
+            def weighed(known: ResponseRecord, noise: Vector, fit: Fit) -> Fit:
+                problem = self._problem(known, report, noise=noise).allowing(fit.problem.sensor_error)
+                return again(fit, problem, sparse=self.sparse)
+
+            anew = partial(self._searched, given=given, report=report)
+            known, other, others = in_colour(record, white, self._forward.period, anew, weighed)
+            other, more, untold_now = self._looked(known, other, report)
+            if other.passes:
+                record, fit, minima, unresolved = known, other, others, untold_now
+                looked = [*of_noise(known), *more]
         if minima:
             reached = ", ".join(f"{each.per_sample:.4g}" for each in minima)
             doubts.append(
                 f"{1 + len(minima)} minima were found; the likeliest was taken. Chi2 per sample is {fit.per_sample:.4g}; "
                 f"of the others {reached}"
             )
+        doubts += looked
+        if not fit.passes:
+            wider = self._problem(record, report, wider=True, noise=fit.problem.noise).allowing(fit.problem.sensor_error)
+            doubts[:0] = [reason] if (reason := likely_reason(fit, wider)) else []
+        return self._answer(fit, doubts, wiring, unresolved)
+
+    def _looked(self, record: ResponseRecord, fit: Fit, report: Progress) -> tuple[Fit, list[str], tuple[int, ...]]:
+        """Return a fit after a second look, with sentences on it, and the zones, from 1, that the record cannot tell."""
         unresolved = untold_zones(fit)
         groups = alike(without_nuisances(fit.model.A, self.zones))
         if fit.passes and groups.max() + 1 < self.zones:  # those that the record cannot tell apart have one damage
@@ -187,13 +209,9 @@ class Twin:
             means = np.bincount(groups, fit.point.x[: self.zones]) / np.bincount(groups)
             together, _ = search([whole], means, sparse=self.sparse)
             fit = together if together.passes else fit
-        if self._parted is not None and not isinstance(record, StaticRecord):
-            fit, looked = self._parted.look(fit, sparse=self.sparse)
-            doubts += looked
-        if not fit.passes:
-            wider = self._problem(record, report, wider=True, noise=fit.problem.noise).allowing(fit.problem.sensor_error)
-            doubts[:0] = [reason] if (reason := likely_reason(fit, wider)) else []
-        return self._answer(fit, doubts, wiring, unresolved)
+        if self._parted is None or isinstance(record, StaticRecord):
+            return fit, [], unresolved
+        return *self._parted.look(fit, sparse=self.sparse), unresolved
 
     def untold(self, record: ResponseRecord, report: Progress = lambda *_: None) -> list[str]:
         """Say which zones a record cannot tell, from derivatives about no damage, before anything is fitted.

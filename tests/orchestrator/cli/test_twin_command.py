@@ -15,7 +15,7 @@ from gossamer_models.membrane import square_structure
 from gossamer_models.sensor import default_artifact
 from gossamer_models.twin import Answer, MembraneForward, ResponseRecord
 from gossamer_models.twin.simulation import SensedForward
-from gossamer_orchestrator import OrchestratorError
+from gossamer_orchestrator import OrchestratorError, ResultsError
 from reading_pages import read_page, values
 from saving import save_results
 
@@ -190,6 +190,21 @@ def test_results_without_resistance_say_what_to_record(call, results, tmp_path):
     result = call(bare, *MESH, "--kind", "resistance")
     assert result.exit_code == 1
     assert "Add sensor?.resistance to [record]" in result.stderr
+
+
+def test_compensated_strain_is_moved_back_and_its_noise_is_what_is_stated(results, strain):
+    data = xr.open_dataset(results, engine="scipy").load()
+    with pytest.raises(ResultsError, match=r"Add compensator\?\.strain to \[record\]"):
+        find_in_results(data, "compensated")
+    late = {f"compensator{k}.strain": ("time", np.r_[np.zeros(25), strain[0, k - 1, :-24]]) for k in range(1, 5)}
+    late["compensator2.delay"] = ("time", np.full(STEPS + 1, 24 * STEP))
+    late["compensator2.strain_deviation"] = ("time", np.linspace(1e-3, 3e-3, STEPS + 1))
+    record = find_in_results(data.assign(late), "compensated").record
+    np.testing.assert_allclose(record.values[1, :-24], strain[0, 1, :-24])
+    assert np.isnan(record.values[1, -24:]).all()
+    np.testing.assert_allclose(record.values[0, 24:], strain[0, 0, :-24])
+    np.testing.assert_allclose(record.least_noise, [0.0, 2e-3, 0.0, 0.0])
+    assert record.noise_deviation()[1] == pytest.approx(2e-3)
 
 
 def test_the_table_has_a_column_of_remarks_only_where_there_is_one():

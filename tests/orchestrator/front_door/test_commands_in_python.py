@@ -149,7 +149,7 @@ def test_on_the_command_line_a_wrong_value_is_refused_by_its_option():
     for words, sentence in {
         "run damaged --threads 1.5": "--threads is 1.5. Give a whole number.",
         "run damaged --stop none": "--stop is none. Give a number.",
-        "twin x.csv --kind stress": 'Invalid value "stress" for --kind. Choose from: "strain", "resistance".',
+        "twin x.csv --kind stress": 'Invalid value "stress" for --kind. Choose from: "strain", "resistance", "compensated".',
         "train --kind null": 'Invalid value "null" for --kind. Choose from: "neuro-fuzzy", "perceptron", "thesis".',
     }.items():
         more = f"Every command has its own help: gossamer {words.split()[0]} --help"
