@@ -10,10 +10,12 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from gossamer_models.twin.discrepancy import DEFAULT_PATH, STEP, Discrepancy, learn, simulated_pairs
+from gossamer_models.artifacts import write_artifact
+from gossamer_models.twin.discrepancy import DEFAULT_PATH, SCHEMA, STEP, VERSION, learn, simulated_pairs
 from numpy.typing import NDArray
 
 ELEMENTS, ORDER, STEPS = 4, 4, 1000
+LEVELS = 32767  # of the numbers in the file, 16 bits each
 LEARNED = [chunk for chunk in range(21) if chunk not in (16, 17)]
 
 
@@ -31,18 +33,17 @@ def main() -> None:
     """Simulate the pairs that are missing, and write the artifact into the package."""
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/pairs")
     delta = np.vstack([pairs(folder, chunk)["difference"] for chunk in LEARNED]).astype(float)
-    Discrepancy(
-        elements_per_side=ELEMENTS,
-        order=ORDER,
-        length=STEPS * STEP,
-        components=learn(delta, STEP),
-        provenance={
-            "command": "python docs/make_discrepancy.py",
-            "data": f"{len(delta)} pairs of order {ORDER} and {2 * ORDER}, 0 to 5 zones of 0 to 60 %; half of them with "
-            "load, damping and modulus varied",
-            "error": f"root mean square of the differences {np.sqrt(np.mean(delta**2)):.5f}",
-        },
-    ).write(DEFAULT_PATH)
+    components = learn(delta, STEP)
+    scale = np.abs(components).max(axis=(1, 2)) / LEVELS
+    levels = np.round(components / scale[:, None, None]).astype(np.int16)
+    content = {"elements_per_side": ELEMENTS, "order": ORDER, "length": STEPS * STEP}
+    provenance = {
+        "command": "python docs/make_discrepancy.py",
+        "data": f"{len(delta)} pairs of order {ORDER} and {2 * ORDER}, 0 to 5 zones of 0 to 60 %; half of them with "
+        "load, damping and modulus varied",
+        "error": f"root mean square of the differences {np.sqrt(np.mean(delta**2)):.5f}",
+    }
+    write_artifact(DEFAULT_PATH, SCHEMA, VERSION, provenance, content, {"scale": scale, "levels": levels})
 
 
 if __name__ == "__main__":

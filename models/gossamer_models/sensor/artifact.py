@@ -238,7 +238,7 @@ class SensorArtifact:
             f"the noise is {self.noise}; a standard deviation is not negative. {again}",
         )
         require(
-            self.error is None or 0.0 < self.error < np.inf, f"the error is {self.error:g}; a deviation is positive. {again}"
+            self.error is None or 0.0 < self.error < np.inf, f"the error is {self.error}; a deviation is positive. {again}"
         )
         for name, table in (("mu", self.mu), ("nu", self.nu)):
             _check_table(name, table, (len(self.mu), len(self.mu)))

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
 from ..arrays import Matrix
-from ..artifacts import read_arrays, read_artifact, write_artifact
+from ..artifacts import read_arrays, read_artifact
 from ..compiler import kept_library
 from ..errors import ArtifactError, DataError, require
 from ..membrane import MembraneParams, square_structure
@@ -41,7 +41,6 @@ PAIRS_VERSION = 1  # of what is kept of them
 SHRUNK = 0.4  # of the covariance behind sensors: pairs that were held out are likeliest at 0.2 to 0.4, and z is 1.07
 SPACING = 1.0 / 300.0  # [s] of the knots: what is faster than half of 1/SPACING is not compared
 DEGREE = 3
-LEVELS = 32767  # of the numbers in a file
 # How far membrane and load may be from those that the discrepancy was learned with, as a share.
 LEARNED = {
     "pressure_amplitude": 0.15,
@@ -112,17 +111,9 @@ class Discrepancy:
         made = {"data": f"{CHUNKS * PAIRS} pairs behind sensors"}
         return replace(self, components=_unpacked(file), provenance=made, kind="resistance")
 
-    def write(self, path: Path) -> None:
-        """Write the JSON card and, beside it, the components of strain in 16 bits each."""
-        require(self.kind == "strain", "what a mesh lacks behind sensors is kept in the user's cache. Write that of strain.")
-        scale = np.abs(self.components).max(axis=(1, 2)) / LEVELS
-        levels = np.round(self.components / scale[:, None, None]).astype(np.int16)
-        content = {"elements_per_side": self.elements_per_side, "order": self.order, "length": self.length}
-        write_artifact(path, SCHEMA, VERSION, self.provenance, content, {"scale": scale, "levels": levels})
-
     @classmethod
     def read(cls, path: Path = DEFAULT_PATH) -> Discrepancy:
-        """Read what ``write`` wrote.
+        """Read what ``docs/make_discrepancy.py`` wrote.
 
         Raises
         ------

@@ -107,7 +107,7 @@ class Fit:
 
 
 def search(
-    stages: Sequence[RecordProblem], given: Vector | None, *, sparse: bool, one_valley: bool = True
+    stages: Sequence[RecordProblem], *, sparse: bool, given: Vector | None = None, one_valley: bool = True
 ) -> tuple[Fit, list[Fit]]:
     """Return the first fit that passes its bound, or else the best of all starts; and other minima that were found.
 
@@ -115,10 +115,10 @@ def search(
     ----------
     stages : sequence of RecordProblem
         Longer and longer beginnings of the record; the last is all of it.
-    given : ndarray, shape (zones,), or None
-        Damages to start from first.
     sparse : bool
         Whether to drop zones.
+    given : ndarray, shape (zones,), or None
+        Damages to start from first.
     one_valley : bool
         Whether the first stage is so short that chi2 has one valley.
 

@@ -24,7 +24,6 @@ from .colour import in_colour, of_noise
 from .discrepancy import Discrepancy, default_discrepancy, is_learned
 from .forward import Forward, forward_of
 from .groups import alike, untold, without_nuisances
-from .least_squares import MOST_DAMAGE
 from .mesh_error import MeshError, MeshErrors
 from .nuisances import BY_DEFAULT, FACTORS, NAMES, OF_MOTION, OF_SENSOR, SENSOR, Loads, Nuisances, check_names, possible
 from .problem import DamageUnknowns, RecordProblem
@@ -136,15 +135,13 @@ class Twin:
         """Number of sensors."""
         return self._forward.sensors
 
-    def fit(self, record: ResponseRecord, start: ArrayLike | None = None, report: Progress = lambda *_: None) -> Answer:
+    def fit(self, record: ResponseRecord, report: Progress = lambda *_: None) -> Answer:
         """Find the damages that explain a record.
 
         Parameters
         ----------
         record : ResponseRecord
             Histories from the moment that the load sets in.
-        start : array_like, shape (zones,), or None
-            Damages to start from first, for instance those of a detector.
         report : callable, optional
             Called before each group of simulations with the length of the record that they cover [s], and how many of this
             length were made before.
@@ -154,22 +151,18 @@ class Twin:
         DataError
             No sensor is left, or the record is too short.
         ParameterError
-            The record holds resistance and the twin has no sensor, or the start has another shape.
+            The record holds resistance and the twin has no sensor.
         """
         with threadpool_limits(1):  # small matrices: waking other threads for them costs many times their work
-            return self._fit(record, start, report)
+            return self._fit(record, report)
 
-    def _fit(self, record: ResponseRecord, start: ArrayLike | None, report: Progress) -> Answer:
+    def _fit(self, record: ResponseRecord, report: Progress) -> Answer:
         record, doubts = self._usable(record)
-        given = None if start is None else np.clip(np.asarray(start, dtype=float), 0.0, MOST_DAMAGE)
-        if given is not None and given.shape != (self.zones,):
-            msg = f"a start has one damage for each of {self.zones} zones, not shape {given.shape}"
-            raise ParameterError(msg)
-        fit, minima = self._searched(record, given, report)
+        fit, minima = self._searched(record, report)
         wiring = self._other_wiring(record, fit, report)
         if wiring is not None:
             changed = wiring.applied(record)
-            other, others = self._searched(changed, given, report)
+            other, others = self._searched(changed, report)
             if other.passes and not (fit.passes and other.unlikely > fit.unlikely - WIRED):
                 record, fit, minima = changed, other, others
                 doubts.append(wiring.doubt)
@@ -177,12 +170,7 @@ class Twin:
                 wiring = None
         white, (fit, looked, unresolved) = fit, self._looked(record, fit, report)
         if not fit.passes and record.noise is None and not isinstance(record, StaticRecord):
-
-            def weighed(known: ResponseRecord, noise: Vector, fit: Fit) -> Fit:
-                problem = self._problem(known, report, noise=noise).allowing(fit.problem.sensor_error)
-                return again(fit, problem, sparse=self.sparse)
-
-            anew = partial(self._searched, given=given, report=report)
+            anew, weighed = partial(self._searched, report=report), partial(self._weighed, report)
             known, other, others = in_colour(record, white, self._forward.period, anew, weighed)
             other, more, untold_now = self._looked(known, other, report)
             if other.passes:
@@ -207,7 +195,7 @@ class Twin:
         if fit.passes and groups.max() + 1 < self.zones:  # those that the record cannot tell apart have one damage
             whole = self._problem(record, report, groups, noise=fit.problem.noise)
             means = np.bincount(groups, fit.point.x[: self.zones]) / np.bincount(groups)
-            together, _ = search([whole], means, sparse=self.sparse)
+            together, _ = search([whole], sparse=self.sparse, given=means)
             fit = together if together.passes else fit
         if self._parted is None or isinstance(record, StaticRecord):
             return fit, [], unresolved
@@ -301,18 +289,23 @@ class Twin:
             left_out |= {*FACTORS} if {*self.nuisances} & {*self._forward.inputs} else set()  # any load explains any of them
         return tuple(dict.fromkeys((*self.nuisances, *(name for name in given if name not in left_out))))
 
-    def _searched(self, record: ResponseRecord, given: Vector | None, report: Progress) -> tuple[Fit, list[Fit]]:
+    def _weighed(self, report: Progress, record: ResponseRecord, noise: Vector, fit: Fit) -> Fit:
+        """Fit a record with another noise, from where a fit has ended."""
+        problem = self._problem(record, report, noise=noise).allowing(fit.problem.sensor_error)
+        return again(fit, problem, sparse=self.sparse)
+
+    def _searched(self, record: ResponseRecord, report: Progress) -> tuple[Fit, list[Fit]]:
         """Search longer and longer beginnings of a record; noise that is not known becomes that of what is left."""
         stages = [self._problem(record, report, samples=samples) for samples in [*self._early_samples(record), None]]
         moving = not isinstance(record, StaticRecord)
         one_valley = moving and stages[0].record.samples * record.step <= VALLEY * self._forward.period
-        fit, minima = search(stages, given, sparse=self.sparse, one_valley=one_valley)
+        fit, minima = search(stages, sparse=self.sparse, one_valley=one_valley)
         for _ in range(ESTIMATES if moving and record.noise is None else 0):
             problem = fit.problem
             noise = np.fmin(problem.noise, problem.record.noise_deviation(problem.reading(fit.point)))
             if not np.nanmin(noise / problem.noise) < SAME_NOISE:
                 break
-            fit = again(fit, self._problem(record, report, noise=noise).allowing(problem.sensor_error), sparse=self.sparse)
+            fit = self._weighed(report, record, noise, fit)
         return fit, minima
 
     def _compared(self, record: ResponseRecord) -> int:
