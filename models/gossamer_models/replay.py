@@ -80,6 +80,17 @@ def clipped_strain(record: Record, recovered: Recovered, full_scale: float, rows
     )
 
 
+def predict_resistance(fit: PreisachFit, record: Record) -> Vector:
+    """Return the resistance that the sensor gives for the strain of a record, shape (m,), starting at rest.
+
+    Raises
+    ------
+    DataError
+        Strain exceeds the full scale of the sensor; the message names the line.
+    """
+    return fit.rest_resistance + fit.resistance_change * sensor_output(fit.artifact, fit.full_scale, record)
+
+
 def recover_by_fit(fit: PreisachFit, record: Record, method: str | None = None, *, fill: bool = True) -> Recovered:
     """Return the strain that a compensator recovers from the resistance of a record, starting at rest.
 

@@ -12,6 +12,7 @@ from gossamer_models.fitting.constrained import GaussNewton, Problem, compress, 
 from gossamer_models.fitting.records import training_stretches
 from gossamer_models.identify import identify_files, settings_for
 from gossamer_models.modes import StretchedKernels
+from gossamer_models.replay import predict_resistance
 from gossamer_models.sensor import SensorArtifact, default_artifact, sensor_model
 from gossamer_models.sensor.fit import PreisachSettings, fit_preisach
 from gossamer_models.sensor.fit.doubts import determination, doubts, parameters, undetermined
@@ -21,7 +22,7 @@ from gossamer_models.sensor.fit.solve import RIDGES, between, choose_ridge
 from gossamer_models.sensor.fit.weights import modal_field, reversible_beyond
 from gossamer_models.sensor.law import ModeBank
 from oracles.preisach import drive, start
-from oracles.records import QUICK, everything, fit_like, predict_resistance, record, zigzag
+from oracles.records import QUICK, everything, fit_like, record, zigzag
 from scipy.optimize import lsq_linear, minimize
 from studies.specimen import specimen_record
 

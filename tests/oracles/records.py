@@ -5,7 +5,6 @@ import itertools
 import numpy as np
 from gossamer_models.fitting import Record
 from gossamer_models.identify import settings_for
-from gossamer_models.replay import sensor_output
 
 QUICK = settings_for("preisach", modes=3, relaxations=2, starts=1)
 
@@ -23,11 +22,6 @@ def record(strain, output, h=0.1, name="record"):
 
 def everything(r):
     return (np.ones(r.time.size, dtype=bool),)
-
-
-def predict_resistance(fit, record):
-    """Return the resistance that the sensor of a fit gives for the strain of a record, which starts at rest."""
-    return fit.rest_resistance + fit.resistance_change * sensor_output(fit.artifact, fit.full_scale, record)
 
 
 def fit_like(artifact):
