@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from building import build_fmu
 from gossamer.descriptions import load_structure
+from gossamer.records import find_in_results
 from gossamer_fmus import build_all
 from gossamer_models.identify import identify_files, settings_for
 from gossamer_models.membrane import membrane_model
@@ -82,6 +83,11 @@ def test_damage_that_begins_half_way_is_seen_through_noise_in_the_windows_after_
         error = np.abs(judgement.estimated - judgement.true)[damaged]
         assert (error < np.maximum(4.0 * judgement.deviation[damaged], 0.01)).all()
         assert error.max() < 0.04
+    record, true = (find_in_results(data, kind).record for kind in ("compensated", "strain"))
+    late = np.isnan(record.values)
+    assert late[:, -24:].all()
+    assert late.sum() == 4 * 24
+    assert np.nanstd(record.values - true.values) < 4.0 * np.mean(record.least_noise) < 4e-3  # what the estimators state
 
 
 def test_in_service_nothing_but_what_instruments_see_is_recorded_and_the_damage_is_found(built, tmp_path):
