@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import combinations
 
 import numpy as np
 from scipy.fft import dct
@@ -34,9 +35,11 @@ def oddity(problem: RecordProblem, r: Vector, J: Matrix, A: Matrix) -> str:
     Chi2 of each sensor, and of each quarter of its time, and the correlation of neighbouring samples; of all of them one
     record of a thousand is off by chance. Coloured noise explains much, so each octave of its frequencies has to have as
     much as it should, no more and no less, beside what the unknowns have taken; values on splines go from fast to slow.
+    Octaves of which unknowns take little have no correlation between sensors, as errors of the model have: Fisher's
+    transform of it is normal.
     """
     found, taken = list[tuple[float, str]](), J @ np.linalg.pinv(A, hermitian=True)
-    stated = problem.noise <= problem.record.least_noise
+    stated, coloured = problem.noise <= problem.record.least_noise, list[tuple[int, int, Vector]]()
     for k, values in enumerate(problem.of_sensors, 1):
         mine = r[values]
         wide = 1.0 + doubt_of_noise(problem, mine.size)
@@ -59,6 +62,13 @@ def oddity(problem: RecordProblem, r: Vector, J: Matrix, A: Matrix) -> str:
                 chance = min(float(chdtrc(freedom, square / wide)), less)
                 text = f"has {square / freedom:.2g} times its share in octave {q} of the frequencies"
                 found.append((chance, f"what is left of sensor {k} is no noise of the first order: it {text}"))
+                coloured += [(k, q, octave[:, 0])] if len(octave) >= LEAST_SAMPLES else []
+    for (k, q, one), (other, same, another) in combinations(coloured, 2):
+        if q == same and one.size == another.size:
+            alike = float(one @ another / np.linalg.norm(one) / np.linalg.norm(another))
+            chance = 2.0 * float(ndtr(-abs(math.atanh(alike)) * math.sqrt(one.size - 3.0)))
+            text = f"in octave {q} of the frequencies they have a correlation of {alike:.2f}"
+            found.append((chance, f"what is left of sensors {k} and {other} is no noise of theirs: {text}"))
     least = min(found, default=(1.0, ""))
     return least[1] if least[0] * len(found) < 1.0 - CONFIDENCE else ""
 
