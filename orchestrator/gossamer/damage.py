@@ -141,11 +141,12 @@ def twin(
     record
         Results of a run (results.nc, results.csv or their folder), or a CSV file.
     fit
-        What else is unknown, with commas between: the phase of the built-in load, or a load by its name, such as pressure.
+        What else is unknown, with commas between: the phase of the built-in load, a load by its name, such as pressure, or,
+        of results of a run, the model of the sensors: sensor.
     known
         What is known exactly of offset, gain, clock, amplitude, frequency, damping, modulus, density, prestrain and sensor,
         the model of sensors of resistance; with commas between, or all. What is not is fitted along with the damage, each
-        near to what it should be.
+        near to what it should be. Sensors of a run keep to their model, unless another one is named.
     stop
         Use the record up to this time [s]; by default, of a long one as much as a fit of some minutes takes.
     sparse
@@ -208,12 +209,15 @@ def twin(
                 bar.update(done, total, f"{done} of {total} {what},")
 
             errors = MeshErrors(found.structure, found.parameters, report=report)
+        exact = names_of(known)
+        of_run = not measured and options["sensor"] is None and "sensor" not in (*names_of(fit), *exact)
+        exact = BY_DEFAULT if exact == ("all",) else (*exact, *["sensor"] * of_run)
         fitting = Twin(
             **found.twin(options["sensor"]),
             mesh_error=errors,
             healthy=before,
             nuisances=names_of(fit),
-            known=BY_DEFAULT if names_of(known) == ("all",) else names_of(known),
+            known=exact,
             sparse=sparse,
             whole=stop is not None,
         )

@@ -139,11 +139,17 @@ def test_an_answer_that_is_not_valid_is_written_and_its_page_says_so(call, tmp_p
     assert "Damage" in charts
 
 
-@pytest.mark.parametrize("kind", ["resistance", "strain"])
-def test_results_of_a_run_bring_their_parameters(call, results, tmp_path, kind):
-    result = call(results, *MESH, "--kind", kind, "--out", tmp_path / "t.json")
+@pytest.mark.parametrize(
+    ("kind", "fit", "off"), [("resistance", "none", 0), ("resistance", "sensor", 4), ("strain", "none", 0)]
+)
+def test_results_of_a_run_bring_their_parameters_and_sensors_that_keep_to_their_model(
+    call, results, tmp_path, kind, fit, off
+):
+    result = call(results, *MESH, "--kind", kind, "--fit", fit, "--out", tmp_path / "t.json")
     assert result.exit_code == 0, result.stderr
-    np.testing.assert_allclose(json.loads((tmp_path / "t.json").read_text())["damage"], TRUE, atol=1e-3)
+    answer = json.loads((tmp_path / "t.json").read_text())
+    np.testing.assert_allclose(answer["damage"], TRUE, atol=1e-3)
+    assert len(answer["sensor_errors"]) == off
 
 
 def test_units_of_edited_results_are_read(results):
