@@ -52,7 +52,7 @@ def test_what_depends_on_a_change_is_compiled_again_and_the_rest_is_not(tmp_path
 
 def test_another_compiler_compiles_again(tmp_path, compiled, monkeypatch):
     build_all(tmp_path, ["sensor"], native=True, platforms=["linux64"])
-    monkeypatch.setattr("gossamer_models.compiler.compiler_version", lambda: "0.18.0")
+    monkeypatch.setattr("gossamer_models.compiler.version", lambda _: "0.18.0")
     build_all(tmp_path, ["sensor"], native=True, platforms=["linux64"])
     assert compiled == [LINUX, LINUX]
 
