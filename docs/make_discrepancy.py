@@ -29,21 +29,25 @@ def pairs(folder: Path, chunk: int) -> dict[str, NDArray[np.float64]]:
         return {name: arrays[name] for name in arrays.files}
 
 
+def write(path: Path, components: NDArray[np.float64], provenance: dict[str, str]) -> None:
+    """Write the JSON card and, beside it, the components of strain, shape (k, sensors, splines), in 16 bits each."""
+    scale = np.abs(components).max(axis=(1, 2)) / LEVELS
+    levels = np.round(components / scale[:, None, None]).astype(np.int16)
+    content = {"elements_per_side": ELEMENTS, "order": ORDER, "length": STEPS * STEP}
+    write_artifact(path, SCHEMA, VERSION, provenance, content, {"scale": scale, "levels": levels})
+
+
 def main() -> None:
     """Simulate the pairs that are missing, and write the artifact into the package."""
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/pairs")
     delta = np.vstack([pairs(folder, chunk)["difference"] for chunk in LEARNED]).astype(float)
-    components = learn(delta, STEP)
-    scale = np.abs(components).max(axis=(1, 2)) / LEVELS
-    levels = np.round(components / scale[:, None, None]).astype(np.int16)
-    content = {"elements_per_side": ELEMENTS, "order": ORDER, "length": STEPS * STEP}
     provenance = {
         "command": "python docs/make_discrepancy.py",
         "data": f"{len(delta)} pairs of order {ORDER} and {2 * ORDER}, 0 to 5 zones of 0 to 60 %; half of them with "
         "load, damping and modulus varied",
         "error": f"root mean square of the differences {np.sqrt(np.mean(delta**2)):.5f}",
     }
-    write_artifact(DEFAULT_PATH, SCHEMA, VERSION, provenance, content, {"scale": scale, "levels": levels})
+    write(DEFAULT_PATH, learn(delta, STEP), provenance)
 
 
 if __name__ == "__main__":
