@@ -186,7 +186,7 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         return found
 
     def told(self, point: Point) -> RecordProblem:
-        """Return the problem with the error of the sensors along what a point predicts, and with the likeliest scales."""
+        """Return the problem with the error of the sensors along what a point predicts, and with scales anew."""
         before = self.sensor_error
         if before is None:
             return self
