@@ -28,6 +28,7 @@ from .nuisances import DEGREE, spline_basis
 from .problem import RecordProblem
 from .reasons import WORTH
 from .search import Fit, again
+from .weights import scale_evidence
 
 PARTS = 4  # of a zone
 WAYS = np.array([[1.0, 1.0, -1.0, -1.0], [1.0, -1.0, 1.0, -1.0], [1.0, -1.0, -1.0, 1.0]])  # from the mean of a zone's damage
@@ -223,7 +224,7 @@ def likeliest(fit: Fit, columns: Mapping[str, Matrix]) -> list[Cause]:
     Notes
     -----
     The evidence of a scale that all columns of a group have, over that of none, where the unknowns that are kept move along:
-    :math:`2 \log p = \sum_i s^2 b_i^2 / (1 + s^2 g_i) - \log(1 + s^2 g_i)` over the modes of G.
+    see ``scale_evidence``.
     """
     problem, r = fit.problem, fit.point.r
     J = fit.J[:, fit.kept]
@@ -232,10 +233,7 @@ def likeliest(fit: Fit, columns: Mapping[str, Matrix]) -> list[Cause]:
     for kind, rows in columns.items():
         W = problem.weigh_columns(rows, fit.point.x)
         WJ = W @ J
-        g, V = np.linalg.eigh(W @ W.T - WJ @ np.linalg.pinv(A, hermitian=True) @ WJ.T)
-        g, b = np.maximum(g, 0.0), V.T @ (W @ r)
-        s2 = SCALES[:, None] ** 2
-        gain = np.sum(s2 * b**2 / (1.0 + s2 * g) - np.log1p(s2 * g), axis=1)
+        gain = scale_evidence(W @ W.T - WJ @ np.linalg.pinv(A, hermitian=True) @ WJ.T, W @ r, SCALES)
         best = int(np.argmax(gain))
         found.append(Cause(kind, float(gain[best]), 1.0 if kind == "partial" else float(SCALES[best])))
     return sorted(found, key=lambda cause: -cause.gain)[:1]

@@ -21,6 +21,7 @@ from ..arrays import Matrix, Vector
 from ..sensor.fit.regression import fronts, switched
 from .nuisances import spline_basis
 from .simulation import SensorBank
+from .weights import scale_evidence
 
 POWERS = 3  # of the resistance
 DRIFTS, RESTS = 6, 80  # splines of what changes slowly, and of what is left
@@ -159,8 +160,7 @@ def mean_square_scales(F: Matrix, r: Vector, group: NDArray[np.int64], start: Ve
     the priors of the scales (type II maximum likelihood [1]_). With :math:`S = (I + T F F^T T)^{-1}` and the means
     :math:`c = S T F r`, its derivative by :math:`\log t_i` is :math:`c_i^2 - 1 + S_{ii}`. Then the mean of
     :math:`t^2` of each group, the others at their likeliest: the covariance of what has an uncertain scale is that of its
-    mean square. Over the modes of what a group adds, twice :math:`\log p` is
-    :math:`\sum_i t^2 c_i^2 / (1 + t^2 e_i) - \log(1 + t^2 e_i)`.
+    mean square, weighed by ``scale_evidence`` and the prior.
 
     References
     ----------
@@ -180,19 +180,16 @@ def mean_square_scales(F: Matrix, r: Vector, group: NDArray[np.int64], start: Ve
 
     limits = [(np.log(SMALLEST), np.log(LARGEST))] * len(middle)
     found = minimize(unlikely, np.log(start), jac=True, method="L-BFGS-B", bounds=limits, options={"maxiter": STEPS})
-    t, s2 = np.exp(found.x)[group], np.geomspace(SMALLEST, LARGEST, TRIED)[:, None] ** 2
+    t, tried = np.exp(found.x)[group], np.geomspace(SMALLEST, LARGEST, TRIED)
     mean_square = np.empty(len(middle))
     for k in range(len(middle)):
         own, rest = group == k, group != k
         beside = t[rest, None] * np.column_stack([G[rest][:, own], b[rest]])
         A = np.eye(rest.sum()) + t[rest, None] * G[np.ix_(rest, rest)] * t[rest]
         left = np.column_stack([G[own][:, own], b[own]]) - beside[:, :-1].T @ scipy.linalg.solve(A, beside, assume_a="pos")
-        e, V = np.linalg.eigh(left[:, :-1])
-        e, c = np.maximum(e, 0.0), V.T @ left[:, -1]
-        gain = 0.5 * np.sum(s2 * c**2 / (1.0 + s2 * e) - np.log1p(s2 * e), axis=1)
-        gain -= 0.5 * ((0.5 * np.log(s2[:, 0]) - middle[k]) / BROAD) ** 2
-        weight = np.exp(gain - gain.max())
-        mean_square[k] = weight @ s2[:, 0] / weight.sum()
+        gain = scale_evidence(left[:, :-1], left[:, -1], tried) - ((np.log(tried) - middle[k]) / BROAD) ** 2
+        weight = np.exp((gain - gain.max()) / 2.0)
+        mean_square[k] = weight @ tried**2 / weight.sum()
     return np.asarray(np.sqrt(mean_square))
 
 

@@ -101,6 +101,27 @@ class RecordWeights:
         return np.concatenate([scaled[:, k] @ basis for k, basis in enumerate(self._bases)], axis=1)
 
 
+def scale_evidence(G: Matrix, b: Vector, scales: Vector) -> Vector:
+    r"""Return twice the logarithm of the evidence of scales of components over that of none, shape (scales,).
+
+    Parameters
+    ----------
+    G : ndarray, shape (k, k)
+        Products of the components, weighed by the covariance of all else.
+    b : ndarray, shape (k,)
+        Their products with the residuals.
+    scales : ndarray, shape (scales,)
+        Deviations that all coefficients of the components may have [1].
+
+    Notes
+    -----
+    :math:`2 \log p = \sum_i s^2 c_i^2 / (1 + s^2 g_i) - \log(1 + s^2 g_i)` over the modes of G, with c = b along them.
+    """
+    g, V = np.linalg.eigh(G)
+    g, c, s2 = np.maximum(g, 0.0), V.T @ b, scales[:, None] ** 2
+    return np.asarray(np.sum(s2 * c**2 / (1.0 + s2 * g) - np.log1p(s2 * g), axis=1))
+
+
 def _modes(components: Matrix) -> tuple[Matrix, Vector]:
     """Return orthonormal modes of components beside white noise, shape (k, values), and what weighing takes from each."""
     square, modes = np.linalg.eigh(components @ components.T)  # there are fewer components than values
