@@ -210,7 +210,7 @@ def twin(
 
             errors = MeshErrors(found.structure, found.parameters, report=report)
         exact = names_of(known)
-        of_run = not measured and options["sensor"] is None and "sensor" not in (*names_of(fit), *exact)
+        of_run = not measured and options["sensor"] is None and "sensor" not in exact
         exact = BY_DEFAULT if exact == ("all",) else (*exact, *["sensor"] * of_run)
         fitting = Twin(
             **found.twin(options["sensor"]),

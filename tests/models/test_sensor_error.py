@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from gossamer_models.errors import ParameterError
 from gossamer_models.membrane import square_structure
 from gossamer_models.sensor import default_artifact
 from gossamer_models.twin import MembraneForward, ResponseRecord, Twin
@@ -147,3 +148,5 @@ def test_sensors_of_strain_have_no_error_of_their_own(square):
     answer = Twin(square_structure(4, 1)).fit(ResponseRecord(step=3e-4, values=strain[0], noise=1e-3))
     assert not answer.sensor_errors
     assert "gain[1]" in answer.nuisances
+    with pytest.raises(ParameterError, match="'sensor' is fitted to records of resistance"):
+        Twin(square_structure(4, 1), nuisances=["sensor"]).fit(ResponseRecord(step=3e-4, values=strain[0]))

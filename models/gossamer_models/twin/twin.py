@@ -57,7 +57,8 @@ class Twin:
         Parameters of the sensors that differ from their start values; they rest at the strain of the undamaged structure.
     nuisances : sequence of str
         What is fitted beside the damages and what is fitted by default: ``phase`` of the built-in load (deviation of its
-        normal prior 0.1 rad), or a load by its name, for instance ``pressure`` (any, a spline in time that is added).
+        normal prior 0.1 rad), a load by its name, for instance ``pressure`` (any, a spline in time that is added), or
+        ``sensor`` of resistance, which wins where it is among what is known.
     known : sequence of str
         What of the following is known exactly. By default all are fitted, each with a normal prior: ``offset`` and ``gain``
         of each sensor (deviation 0.02 of strain, or of the change of resistance at full scale; 2 %), the ``clock`` (5
@@ -172,10 +173,11 @@ class Twin:
         if not fit.passes and record.noise is None and not isinstance(record, StaticRecord):
             anew, weighed = partial(self._searched, report=report), partial(self._weighed, report)
             known, other, others = in_colour(record, white, self._forward.period, anew, weighed)
-            other, more, untold_now = self._looked(known, other, report)
-            if other.passes:
-                record, fit, minima, unresolved = known, other, others, untold_now
-                looked = [*of_noise(known), *more]
+            if other is not white:
+                other, more, untold_now = self._looked(known, other, report)
+                if other.passes:
+                    record, fit, minima, unresolved = known, other, others, untold_now
+                    looked = [*of_noise(known), *more]
         if minima:
             reached = ", ".join(f"{each.per_sample:.4g}" for each in minima)
             doubts.append(
@@ -232,6 +234,9 @@ class Twin:
         """Return a record without dead sensors, and what is missing in it."""
         if record.kind == "resistance":
             self._sensed.require_bank()
+        elif SENSOR in self.nuisances:
+            msg = f"{SENSOR!r} is fitted to records of resistance, and this one holds strain. Leave it out."
+            raise ParameterError(msg)
         if len(record.values) != self.sensors:
             shape = f"({self.sensors}, n), not {record.values.shape}"
             msg = f"a record needs one row for each of {self.sensors} sensors, shape {shape}"
@@ -277,7 +282,7 @@ class Twin:
 
     def _may_be_off(self, record: ResponseRecord) -> bool:
         """Tell whether the sensors of a record may be off their model."""
-        return record.kind == "resistance" and SENSOR not in self.known
+        return record.kind == "resistance" and (SENSOR in self.nuisances or SENSOR not in self.known)
 
     def _kinds(self, record: ResponseRecord, *, wider: bool = False) -> tuple[str, ...]:
         """Return the nuisances that are fitted; wider: all that act on the record."""
