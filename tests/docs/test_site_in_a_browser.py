@@ -17,12 +17,12 @@ def page(site):
         program = next(filter(None, map(shutil.which, NAMES)), driver.chromium.executable_path)
         if not Path(program).is_file():
             pytest.skip("there is no Chromium here; 'apt install chromium' or 'playwright install chromium' has one")
-        browser = driver.chromium.launch(executable_path=program, args=FLAGS)
+        browser = driver.chromium.launch(executable_path=program, args=FLAGS, timeout=PATIENCE)
         page, troubles = browser.new_page(viewport={"width": 1400, "height": 1000}), []
         page.on("console", lambda message: message.type == "error" and troubles.append(message.text))
         page.on("pageerror", lambda error: troubles.append(str(error)))
         page.on("request", lambda request: request.url.startswith("http") and troubles.append(request.url))
-        page.goto((site / "index.html").as_uri())
+        page.goto((site / "index.html").as_uri(), timeout=PATIENCE)
         yield page
         assert not troubles
         browser.close()
@@ -33,7 +33,7 @@ def test_the_membrane_moves_until_it_is_stopped(page):
     first = page.wait_for_function("() => document.querySelector('#membrane').data?.[0].z[4][4]", timeout=PATIENCE)
     page.wait_for_function(f"(before) => ({heights})() !== before", arg=first.json_value(), timeout=PATIENCE)
     page.get_by_role("button", name="Pause").click(timeout=PATIENCE)
-    assert page.get_by_role("button", name="Play").is_visible()
+    page.get_by_role("button", name="Play").wait_for(timeout=PATIENCE)
     stopped = page.evaluate(heights)
     page.wait_for_timeout(500)
     assert page.evaluate(heights) == stopped
