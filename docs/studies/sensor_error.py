@@ -23,13 +23,13 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from .specimen.flight import calibrated_sensor, flown_resistance
-from .twin import BILINEAR, FINER, HEAD, STEP, cases, fitted, membrane, strain
+from .twin import BILINEAR, FINER, FINEST, HEAD, STEP, cases, fitted, membrane, strain
 
 Array = NDArray[np.float64]
 NOISE = 1e-3  # of the mean range
 LENGTH = 0.3  # of the tables' side, of a random field
 LEVELS = {"exact": 0.0, "tables 1 %": 0.01, "tables 3 %": 0.03, "tables 5 %": 0.05}
-TRUTH = {"finer, ": FINER, "finest, ": (4, 12)}  # meshes of records that the default twin meets
+TRUTH = {"finer, ": FINER, "finest, ": FINEST}  # meshes of records that the default twin meets
 OFF = "off, "
 LOAD = {"pressure_amplitude": 0.97e4, "mass_damping": 26.0}
 WORN = "worn"

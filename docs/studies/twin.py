@@ -2,8 +2,8 @@
 
 ``python -m studies.twin [CASES] [ROW ...]`` from the folder ``docs`` prints a table; rows by name, all by default. Random
 cases have 1 to 4 zones of 5 to 50 %, records last 0.3 s, noise is the thesis' U(0, 0.02) of strain or 0.1 % of the change
-of resistance at full scale. The other worlds take a minute for eight cases: order 8 with a third of the step, order 8 by
-Runge and Kutta, Hencky's law, and the virtual specimen in place of the sensors, which the twin knows from one calibration.
+of resistance at full scale. Other worlds take minutes for eight cases: orders 8 and 12 with a third of the step, order 8
+by Runge and Kutta, Hencky's law, and the virtual specimen in place of the sensors, which the twin knows from one record.
 """
 
 from __future__ import annotations
@@ -92,7 +92,14 @@ def resistance(damage: Array, mesh: tuple[int, int]) -> Array:
     return np.asarray(found + scale * np.random.default_rng(1).standard_normal(found.shape))
 
 
-BILINEAR, DEFAULT, FINER = (8, 1), (4, 4), (4, 8)
+BILINEAR, DEFAULT, FINER, FINEST = (8, 1), (4, 4), (4, 8), (4, 12)
+
+
+def finest(noise: float) -> Row:
+    """Return a row of records of order 12, which no error was learned from, with noise of a standard deviation."""
+    return Row("", lambda d: strain(d, membrane(FINEST), np.sqrt(12.0) * noise, thirds=3), Twin, noise=noise)
+
+
 ROWS = {
     "bilinear": Row(
         "0.15 / 0.65, z 0.8 to 1.2, 0.5 s",
@@ -117,6 +124,8 @@ ROWS = {
     ),
     "other world, plain": Row("", lambda d: strain(d, membrane(FINER), thirds=3), lambda: Twin(discrepancy=None)),
     "other world": Row("0.8 / 2", lambda d: strain(d, membrane(FINER), thirds=3), Twin),
+    "finest, 1e-3": finest(1e-3),
+    "finest, 1e-4": finest(1e-4),
     "other integrator": Row("0.8 / 2", lambda d: strain(d, runge_kutta_membrane(*FINER)), Twin),
     "other law": Row("", lambda d: strain(d, membrane(DEFAULT, "hencky")), Twin),
     "other sensor": Row(

@@ -190,10 +190,10 @@ def answer_of(
     shares: Shares = ()
     offsets: Shares = ()
     if problem.sensor_error is not None:
-        most = OFF_BEHIND if problem.learned_behind else OFF
-        known = (
-            f"; the mesh's error is known behind sensors that are {100.0 * most:g} % off at most" * problem.learned_behind
-        )
+        most, known = OFF, ""
+        if problem.learned_behind and problem.added is None:
+            most = OFF_BEHIND
+            known = f"; the mesh's error is known behind sensors that are {100.0 * most:g} % off at most"
         shares, offsets = problem.sensor_error.off(problem.record.values, reading, problem.weigh_alone())
         said += [
             f"sensor {k} is {100.0 * share:.2g} % of its range off its model{known}. Check its place, or identify it again"

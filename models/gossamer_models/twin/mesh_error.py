@@ -81,6 +81,11 @@ class MeshError:
         still_finer = self.still_finer - factor[: len(self.still_finer), None, None] * self.still_finer[:1]
         return replace(self, finer=(self.finer - less)[1:], still_finer=still_finer[1:], healthy=True)
 
+    def of_finer(self) -> MeshError | None:
+        """Return the error of the finer mesh; None if no still finer one is known."""
+        left = self.still_finer - self.finer[: len(self.still_finer)]
+        return replace(self, finer=left, still_finer=left[:0]) if len(left) else None
+
     @property
     def share(self) -> float:
         """Error of the undamaged strain over its change [1], root mean squares."""
@@ -228,8 +233,9 @@ class MeshErrors:
         return self._known[known]
 
     @cached_property
-    def _finer(self) -> Structure:
-        return self.structure.finer()
+    def finer(self) -> MembraneForward:
+        """The membrane with finer elements."""
+        return MembraneForward(self.structure.finer(), self.parameters)
 
     def doubts(self, found: MeshError) -> list[str]:
         """Return sentences on the error, and which order or mesh would do; none if it is small."""
@@ -261,7 +267,7 @@ class MeshErrors:
         about = (setup, record.step, record.states, record.samples, type(record).__name__, PAIRS, STILL_FINER, VERSION)
         parts = [repr(about), *(name for name, _ in loads)]
         arrays = [mesh.nodes, *(block.elements for block in mesh.blocks), *(np.asarray(value) for _, value in loads)]
-        arrays += [self._finer.mesh.nodes, *self._finer.unit_forces.values()]
+        arrays += [self.finer.structure.mesh.nodes, *self.finer.structure.unit_forces.values()]
         digest.update(repr(parts).encode())
         for array in arrays:
             digest.update(np.ascontiguousarray(array).tobytes())
@@ -271,10 +277,10 @@ class MeshErrors:
         """Simulate all pairs, and write them as an NPZ file of single precision."""
         z = self.structure.n_zones
         damage = np.vstack([np.zeros((1, z)), _random_damages(PAIRS - 1, z)])
-        still = self._finer.finer()
+        still = self.finer.structure.finer()
         small = len(still.mesh.nodes) <= MOST_NODES
         near = np.vstack([np.zeros((1, z)), DAMAGE_STEP * np.eye(z)])
-        plan = [(self.structure, np.vstack([near, damage]), "as it is"), (self._finer, damage, "finer")]
+        plan = [(self.structure, np.vstack([near, damage]), "as it is"), (self.finer.structure, damage, "finer")]
         plan += [(still, damage[:STILL_FINER], "still finer")] * small
         found = [self._strain(structure, rows, record, name) for structure, rows, name in plan]
         near, own = found[0][: 1 + z], found[0][1 + z :]

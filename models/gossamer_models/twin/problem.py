@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import copy
+from dataclasses import dataclass
 from itertools import compress
 from threading import Lock
 from typing import TypeAlias
@@ -115,6 +116,36 @@ class DamageUnknowns:
         return float(np.linalg.norm(bent)) / max(float(np.linalg.norm(long)), 1e-300)
 
 
+@dataclass(frozen=True)
+class Added:
+    """What a finer mesh adds to the strain, to first order in some unknowns.
+
+    Attributes
+    ----------
+    strain : ndarray, shape (s, n)
+        Added where it was simulated [1].
+    x : ndarray, shape (size,)
+        Unknowns there.
+    moving : ndarray of int, shape (k,)
+        Unknowns with derivatives.
+    slopes : ndarray, shape (k, s, n)
+        By these.
+    """
+
+    strain: Matrix
+    x: Vector
+    moving: NDArray[np.int64]
+    slopes: Matrix
+
+    def to(self, x: Matrix) -> Matrix:
+        """Return what is added at rows of unknowns, shape (m, s, n)."""
+        return self.strain + np.tensordot(x[:, self.moving] - self.x[self.moving], self.slopes, 1)
+
+    def at(self, x: Vector) -> Added:
+        """Return what is added at unknowns, for others than these."""
+        return Added(self.to(x[None])[0], x, self.moving[:0], self.slopes[:0])
+
+
 class RecordProblem(DamageUnknowns, LeastSquares):
     """Predictions, residuals and derivatives for one record.
 
@@ -141,8 +172,12 @@ class RecordProblem(DamageUnknowns, LeastSquares):
     ----------
     noise : ndarray, shape (s,)
         Standard deviation of the noise.
+    components : ndarray, shape (k, s, n)
+        Of the error of the model beside that of the sensors, in the record's unit.
     sensor_error : SensorError or None
         How far the sensors may be off their identified model, if that is a nuisance.
+    added : Added or None
+        What a finer mesh adds to the strain; None if none was simulated.
     learned_behind : bool
         Whether the error of the mesh was learned of what sensors read that keep to their model.
     """
@@ -165,33 +200,87 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         self.simulations, self._report, self._counting = 0, report, Lock()
         self._known: dict[bytes, tuple[Matrix, Matrix]] = {}
         self.noise, self._splines, self.sensor_error = noise, None, None
-        self._components = np.zeros((0, *record.values.shape))
+        self.added: Added | None = None
+        self.components = np.zeros((0, *record.values.shape))
         self.learned_behind = discrepancy is not None and discrepancy.kind == "resistance"
         if discrepancy is not None:
             self._splines = spline_matrix(record.samples, record.step, discrepancy.length)
             basis = discrepancy.basis(record.samples, record.step)
-            self._components = basis if self.learned_behind else self.columns_as_read(basis, np.zeros(self.size))
+            self.components = basis if self.learned_behind else self.columns_as_read(basis, np.zeros(self.size))
         elif error is not None:
-            self._components = error[:, :, record.state if isinstance(record, StaticRecord) else slice(record.samples)]
+            self.components = self._of_record(error)
         if SENSOR in nuisances.kinds:
             strain, reading = self._simulated(np.zeros((1, self.size)))
             self.sensor_error = self._error_along(require_finite(strain), reading[0])
         self._weigh_anew()
 
-    def allowing(self, error: SensorError | None) -> RecordProblem:
-        """Return the problem with another error of the sensors."""
+    def like(self, other: RecordProblem, point: Point) -> RecordProblem:
+        """Return the problem of the same record with the errors of sensors and mesh of another one, about a point."""
         found = copy(self)
-        found.sensor_error = error
+        found.sensor_error, found.components = other.sensor_error, other.components
+        found.added, found._known = None if other.added is None else other.added.at(point.x), {}
         found._weigh_anew()
         return found
+
+    def under(self, noise: Vector, record: ResponseRecord | None = None) -> RecordProblem:
+        """Return the problem with other noise, shape (s,), and that of a record of the same values where it is coloured."""
+        found = copy(self)
+        found.noise, found.record = noise, self.record if record is None else record.first(self.record.samples)
+        found._weigh_anew()
+        return found
+
+    def corrected(self, finer: Forward, point: Point, kept: Rows, components: Matrix) -> RecordProblem:
+        """Return the problem with what a finer mesh adds to the strain about a point.
+
+        Parameters
+        ----------
+        finer : Forward
+            The same membrane on a finer mesh.
+        point : Point
+            Where it is simulated.
+        kept : ndarray of bool, shape (size,)
+            Unknowns by the first of which it is differentiated: as many as make no more lanes than one.
+        components : ndarray, shape (k, s, n or more)
+            Of the error of the finer mesh, in place of those of this one; at the samples or in the states.
+
+        Raises
+        ------
+        ConvergenceError
+            The finer mesh fails there.
+        """
+        other, own, found = copy(self), copy(self), copy(self)
+        other.model, other.added, own.added = finer, None, None
+        moving = np.flatnonzero(kept[: self.simulated])[: LANES - 1]
+        rows, steps = neighbours(point.x, moving, self.steps[moving], self.high)
+        rows = np.vstack([point.x, rows])
+        more = require_finite(other._strain(rows) - own._strain(rows))
+        found.added = Added(more[0], point.x, moving, (more[1:] - more[0]) / steps[:, None, None])
+        found.components, found._known = self._of_record(components), {}
+        found._weigh_anew()
+        return found
+
+    def exact(self) -> RecordProblem:
+        """Return the problem of a record that the mesh of the twin has made."""
+        found = copy(self)
+        found.components = self.components[:0]
+        found._weigh_anew()
+        return found
+
+    @property
+    def mesh_over_noise(self) -> float:
+        """How many times as large as the noise the error of the model is, root mean squares of what is compared [1]."""
+        alone = self._weights_of(self.record.present, self.components[:0])
+        return float(np.sqrt(np.sum(alone.weigh(self.components) ** 2) / max(alone.values, 1)))
 
     def told(self, point: Point) -> RecordProblem:
         """Return the problem with the error of the sensors along what a point predicts, and with scales anew."""
         before = self.sensor_error
         if before is None:
             return self
-        error = self._error_along(self._simulated(point.x[None])[0], self.reading(point), before.scales)
-        return self.allowing(error.told(self.record.values, self.weigh_alone(self.unknown(point))))
+        error, found = self._error_along(self._simulated(point.x[None])[0], self.reading(point), before.scales), copy(self)
+        found.sensor_error = error.told(self.record.values, self.weigh_alone(self.unknown(point)))
+        found._weigh_anew()
+        return found
 
     def unknown(self, point: Point) -> Matrix:
         """Return what deviations of the unknowns about a point change of what the sensors read, shape (k, s, n)."""
@@ -202,7 +291,7 @@ class RecordProblem(DamageUnknowns, LeastSquares):
 
     def alone(self, sensor: int, noise: float, follows: float, beside: Matrix) -> RecordWeights:
         """Return weights of one sensor, shape (m, 1, n), under another noise and beside more components, shape (k, s, n)."""
-        parts = [self._components, beside] + ([] if self.sensor_error is None else [self.sensor_error.components])
+        parts = [self.components, beside] + ([] if self.sensor_error is None else [self.sensor_error.components])
         row, found = [sensor], np.concatenate(parts)[:, [sensor]]
         moving = found.any(axis=(1, 2))
         return RecordWeights(self.record.present[row], np.array([noise]), found[moving], self._splines, follows=follows)
@@ -214,7 +303,7 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         errors would otherwise lack what the unknowns have taken from them.
         """
         sensors, present = np.arange(len(self.record.values)), self.record.present
-        components = self._components if unknown is None else np.concatenate([self._components, unknown])
+        components = self.components if unknown is None else np.concatenate([self.components, unknown])
         return {k: self._weights_of(present & (sensors == k)[:, None], components).weigh for k in self.record.sensors}
 
     @property
@@ -234,7 +323,7 @@ class RecordProblem(DamageUnknowns, LeastSquares):
 
     def _weigh_anew(self) -> None:
         own = None if self.sensor_error is None else self.sensor_error.components
-        self._weights = self._weights_of(self.record.present, self._components, own)
+        self._weights = self._weights_of(self.record.present, self.components, own)
         self.values = self._weights.values
         self.y = self._weights.weigh(np.where(self.record.present, self.record.values, 0.0)[None])[0]
 
@@ -287,9 +376,13 @@ class RecordProblem(DamageUnknowns, LeastSquares):
     def beside(self, components: Matrix) -> RecordProblem:
         """Return the problem with more components of an error of the model, in the record's unit, shape (k, s, n)."""
         found = copy(self)
-        found._components = np.concatenate([self._components, components])
+        found.components = np.concatenate([self.components, components])
         found._weigh_anew()
         return found
+
+    def _of_record(self, error: Matrix) -> Matrix:
+        """Return an error of the model at the samples or in the states, shape (k, s, n or more), at the record's values."""
+        return error[:, :, self.record.state if isinstance(self.record, StaticRecord) else slice(self.record.samples)]
 
     def _read(self, predicted: Matrix, z: Matrix) -> Matrix:
         return self.nuisances.read(predicted, self._zero, self._scale, z)[:, :, : self.record.samples]
@@ -316,5 +409,7 @@ class RecordProblem(DamageUnknowns, LeastSquares):
             self._report(record.samples * record.step, self.simulations)
             self.simulations += len(x)
         if isinstance(record, StaticRecord):
-            return self.histories(x, record.states, 0.0)[:, :, record.state]
-        return self.histories(x, record.samples + SPARE * ("clock" in self.nuisances.kinds), record.step)
+            strain = self.histories(x, record.states, 0.0)[:, :, record.state]
+        else:
+            strain = self.histories(x, record.samples + SPARE, record.step)
+        return strain if self.added is None else strain + self.added.to(x)

@@ -17,12 +17,13 @@ from threadpoolctl import threadpool_limits
 
 from ..arrays import Matrix, Vector
 from ..errors import DataError, ParameterError, require
-from ..membrane import Structure
+from ..membrane import Structure, square_structure
 from ..sensor import SensorArtifact
 from .answer import Answer, answer_of, untold_zones
 from .colour import in_colour, of_noise
+from .correction import corrected
 from .discrepancy import Discrepancy, default_discrepancy, is_learned
-from .forward import Forward, forward_of
+from .forward import Forward, MembraneForward, forward_of
 from .groups import alike, untold, without_nuisances
 from .mesh_error import MeshError, MeshErrors
 from .nuisances import BY_DEFAULT, FACTORS, NAMES, OF_MOTION, OF_SENSOR, SENSOR, Loads, Nuisances, check_names, possible
@@ -39,6 +40,10 @@ MOST_STEPS = 5000  # internal steps that are compared, unless the record is said
 SUSPECT = 0.5  # deviations of chi2 above the expected one from which on wirings are compared, and by which one is better
 Progress: TypeAlias = Callable[[float, int], None]  # length of the record [s], and simulations that were made
 ESTIMATES, SAME_NOISE = 2, 0.9  # of noise from what a fit leaves, while it falls below this share
+HIDES = 0.3  # of the noise: where the error of the mesh is larger, a finer one is simulated at the fit
+FLOOR = 3.0  # times the noise: no search takes the mesh for more exact, before a finer one is simulated
+HOPELESS = 3.0  # chi2 per sample that no finer mesh explains
+LEFT = {"strain": 0.15, "resistance": 0.3}  # of the error of the thesis' square: measured of order 8 by pairs of order 12
 WIRED = 20.0  # of chi2: what another wiring of a record that fits must explain
 
 
@@ -74,7 +79,8 @@ class Twin:
         0.3 s and 150 Hz. None if the record comes from a simulation with the twin's mesh.
     mesh_error : MeshErrors or None
         What finer meshes change under the loads of a record; None if it comes from a simulation with the twin's mesh, or
-        where a discrepancy is known. Where it hides more of the damages than the noise does, no answer is valid.
+        where a discrepancy is known. Where it hides more of the damages than the noise does, the finer mesh is simulated at
+        the fit; if nothing is known of what that one lacks, no answer is valid.
     healthy : ResponseRecord or None
         Record of the same structure without damage under the same loads: what it has beside the model is taken from every
         other one. Only with ``mesh_error``, of which the part is left that damage changes.
@@ -171,7 +177,7 @@ class Twin:
                 wiring = None
         white, (fit, looked, unresolved) = fit, self._looked(record, fit, report)
         if not fit.passes and record.noise is None and not isinstance(record, StaticRecord):
-            anew, weighed = partial(self._searched, report=report), partial(self._weighed, report)
+            anew, weighed = partial(self._searched, report=report), self._weighed
             known, other, others = in_colour(record, white, self._forward.period, anew, weighed)
             if other is not white:
                 other, more, untold_now = self._looked(known, other, report)
@@ -186,7 +192,7 @@ class Twin:
             )
         doubts += looked
         if not fit.passes:
-            wider = self._problem(record, report, wider=True, noise=fit.problem.noise).allowing(fit.problem.sensor_error)
+            wider = self._problem(record, report, wider=True, noise=fit.problem.noise).like(fit.problem, fit.point)
             doubts[:0] = [reason] if (reason := likely_reason(fit, wider)) else []
         return self._answer(fit, doubts, wiring, unresolved)
 
@@ -195,7 +201,7 @@ class Twin:
         unresolved = untold_zones(fit)
         groups = alike(without_nuisances(fit.model.A, self.zones))
         if fit.passes and groups.max() + 1 < self.zones:  # those that the record cannot tell apart have one damage
-            whole = self._problem(record, report, groups, noise=fit.problem.noise)
+            whole = self._problem(record, report, groups, noise=fit.problem.noise).like(fit.problem, fit.point)
             means = np.bincount(groups, fit.point.x[: self.zones]) / np.bincount(groups)
             together, _ = search([whole], sparse=self.sparse, given=means)
             fit = together if together.passes else fit
@@ -294,23 +300,28 @@ class Twin:
             left_out |= {*FACTORS} if {*self.nuisances} & {*self._forward.inputs} else set()  # any load explains any of them
         return tuple(dict.fromkeys((*self.nuisances, *(name for name in given if name not in left_out))))
 
-    def _weighed(self, report: Progress, record: ResponseRecord, noise: Vector, fit: Fit) -> Fit:
+    def _weighed(self, record: ResponseRecord, noise: Vector, fit: Fit) -> Fit:
         """Fit a record with another noise, from where a fit has ended."""
-        problem = self._problem(record, report, noise=noise).allowing(fit.problem.sensor_error)
-        return again(fit, problem, sparse=self.sparse)
+        return again(fit, fit.problem.under(noise, record), sparse=self.sparse)
 
     def _searched(self, record: ResponseRecord, report: Progress) -> tuple[Fit, list[Fit]]:
         """Search longer and longer beginnings of a record; noise that is not known becomes that of what is left."""
         stages = [self._problem(record, report, samples=samples) for samples in [*self._early_samples(record), None]]
         moving = not isinstance(record, StaticRecord)
         one_valley = moving and stages[0].record.samples * record.step <= VALLEY * self._forward.period
+        noise, over = stages[-1].noise, stages[-1].mesh_over_noise
+        finer = self._finer(record, stages[-1].components) if over > HIDES else None
+        if finer is not None and over > FLOOR:  # more precise than the mesh lets through
+            stages = [stage.under(noise * over / FLOOR) for stage in stages]
         fit, minima = search(stages, sparse=self.sparse, one_valley=one_valley)
+        if finer is not None and fit.per_sample < HOPELESS:
+            fit = corrected(fit, *finer, noise, sparse=self.sparse)
         for _ in range(ESTIMATES if moving and record.noise is None else 0):
             problem = fit.problem
             noise = np.fmin(problem.noise, problem.record.noise_deviation(problem.reading(fit.point)))
             if not np.nanmin(noise / problem.noise) < SAME_NOISE:
                 break
-            fit = self._weighed(report, record, noise, fit)
+            fit = self._weighed(record, noise, fit)
         return fit, minima
 
     def _compared(self, record: ResponseRecord) -> int:
@@ -352,6 +363,26 @@ class Twin:
             report,
         )
 
+    def _finer(self, record: ResponseRecord, components: Matrix) -> tuple[Forward, Matrix] | None:
+        """Return the membrane on a finer mesh, and components of the error that is left there; None if it is not known.
+
+        ``components`` are those of the error of the twin's mesh, shape (k, s, n), in the unit of the record.
+        """
+        if self._finer_square is not None:
+            return self._finer_square, LEFT[record.kind] * components
+        error = self._error_of(record.first(self._compared(record)))
+        left = None if error is None or error.healthy else error.of_finer()
+        return None if left is None or self._mesh_error is None else (self._mesh_error.finer, left.components)
+
+    @cached_property
+    def _finer_square(self) -> Forward | None:
+        """The square of the thesis with elements of twice the order, if its error is learned."""
+        model, learned = self._forward, self.discrepancy
+        if learned is None or not isinstance(model, MembraneForward) or not is_learned(model, learned):
+            return None
+        square = square_structure(learned.elements_per_side, 2 * learned.order)
+        return MembraneForward(square, {**model.parameters, **model.inputs})
+
     def _discrepancy_of(self, record: ResponseRecord, report: Progress) -> Discrepancy | None:
         """Return what finer meshes would add: where sensors may be off their model, to what they read."""
         if self.discrepancy is None or not self._may_be_off(record):
@@ -392,6 +423,7 @@ class Twin:
 
     def _answer(self, fit: Fit, doubts: list[str], wiring: Wiring | None, unresolved: tuple[int, ...]) -> Answer:
         more, hidden = list[str](), False
-        if self._mesh_error is not None and (error := self._error_of(fit.problem.record)) is not None:
+        error = None if fit.problem.added is not None else self._error_of(fit.problem.record)
+        if self._mesh_error is not None and error is not None:
             more, hidden = self._mesh_error.doubts(error), error.buries
         return answer_of(fit, doubts, more, wiring, unresolved, sparse=self.sparse, hidden=hidden)
