@@ -18,7 +18,7 @@ ROUNDS = 5
 SETTLED = 0.5  # deviations of a damage: a round that moves none by more is the last
 
 
-def corrected(fit: Fit, finer: Forward, components: Matrix, noise: Vector, *, sparse: bool) -> Fit:
+def corrected(fit: Fit, finer: Forward, components: Matrix, noise: Vector, *, sparse: bool, exact: bool) -> Fit:
     """Return the fit to what a finer mesh predicts; one on the twin's mesh if it made the record, or nothing settles.
 
     Parameters
@@ -33,6 +33,8 @@ def corrected(fit: Fit, finer: Forward, components: Matrix, noise: Vector, *, sp
         Standard deviation of the noise, in the unit of the record.
     sparse : bool
         As of ``search``.
+    exact : bool
+        Whether the mesh of the twin may have made the record: it has where noise alone explains what is left.
 
     Notes
     -----
@@ -45,7 +47,7 @@ def corrected(fit: Fit, finer: Forward, components: Matrix, noise: Vector, *, sp
     .. [1] K. Bohmer, P. W. Hemker, H. J. Stetter, Computing Supplementum 5, 1-32, 1984, doi:10.1007/978-3-7091-7023-6_1.
     """
     own, found, settled = fit.problem.under(noise), fit, False
-    if _made_by(own, fit):
+    if exact and _made_by(own, fit):
         return again(fit, own, sparse=sparse)
     for _ in range(ROUNDS):
         try:
@@ -64,9 +66,9 @@ def corrected(fit: Fit, finer: Forward, components: Matrix, noise: Vector, *, sp
 
 def _made_by(own: RecordProblem, fit: Fit) -> bool:
     """Tell whether the mesh of the twin has made a record, so that noise alone explains what is left."""
-    exact = own.exact()
+    alone = own.exact()
     try:
-        return descend(exact, fit.point.x, fit.kept, FEW_STEPS).point.chi2 <= chi2_bound(exact) * exact.values
+        return descend(alone, fit.point.x, fit.kept, FEW_STEPS).point.chi2 <= chi2_bound(alone) * alone.values
     except ConvergenceError:
         return False
 

@@ -235,7 +235,11 @@ class MeshErrors:
     @cached_property
     def finer(self) -> MembraneForward:
         """The membrane with finer elements."""
-        return MembraneForward(self.structure.finer(), self.parameters)
+        return MembraneForward(self._finer, self.parameters)
+
+    @cached_property
+    def _finer(self) -> Structure:
+        return self.structure.finer()
 
     def doubts(self, found: MeshError) -> list[str]:
         """Return sentences on the error, and which order or mesh would do; none if it is small."""
@@ -267,7 +271,7 @@ class MeshErrors:
         about = (setup, record.step, record.states, record.samples, type(record).__name__, PAIRS, STILL_FINER, VERSION)
         parts = [repr(about), *(name for name, _ in loads)]
         arrays = [mesh.nodes, *(block.elements for block in mesh.blocks), *(np.asarray(value) for _, value in loads)]
-        arrays += [self.finer.structure.mesh.nodes, *self.finer.structure.unit_forces.values()]
+        arrays += [self._finer.mesh.nodes, *self._finer.unit_forces.values()]
         digest.update(repr(parts).encode())
         for array in arrays:
             digest.update(np.ascontiguousarray(array).tobytes())
@@ -277,10 +281,10 @@ class MeshErrors:
         """Simulate all pairs, and write them as an NPZ file of single precision."""
         z = self.structure.n_zones
         damage = np.vstack([np.zeros((1, z)), _random_damages(PAIRS - 1, z)])
-        still = self.finer.structure.finer()
+        still = self._finer.finer()
         small = len(still.mesh.nodes) <= MOST_NODES
         near = np.vstack([np.zeros((1, z)), DAMAGE_STEP * np.eye(z)])
-        plan = [(self.structure, np.vstack([near, damage]), "as it is"), (self.finer.structure, damage, "finer")]
+        plan = [(self.structure, np.vstack([near, damage]), "as it is"), (self._finer, damage, "finer")]
         plan += [(still, damage[:STILL_FINER], "still finer")] * small
         found = [self._strain(structure, rows, record, name) for structure, rows, name in plan]
         near, own = found[0][: 1 + z], found[0][1 + z :]

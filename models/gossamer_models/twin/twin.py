@@ -40,7 +40,7 @@ MOST_STEPS = 5000  # internal steps that are compared, unless the record is said
 SUSPECT = 0.5  # deviations of chi2 above the expected one from which on wirings are compared, and by which one is better
 Progress: TypeAlias = Callable[[float, int], None]  # length of the record [s], and simulations that were made
 ESTIMATES, SAME_NOISE = 2, 0.9  # of noise from what a fit leaves, while it falls below this share
-HIDES = 0.3  # of the noise: where the error of the mesh is larger, a finer one is simulated at the fit
+HIDES = 0.5  # of the noise: where the error of the mesh is larger, a finer one is simulated at the fit
 FLOOR = 3.0  # times the noise: no search takes the mesh for more exact, before a finer one is simulated
 HOPELESS = 3.0  # chi2 per sample that no finer mesh explains
 LEFT = {"strain": 0.15, "resistance": 0.3}  # of the error of the thesis' square: measured of order 8 by pairs of order 12
@@ -76,11 +76,12 @@ class Twin:
     discrepancy : Discrepancy, "learned" or None
         What finer meshes would add to the strain: by default, what was learned of the default mesh, if the twin has that
         mesh and nearly the default membrane and load. Only the time and the frequencies that it covers are then compared,
-        0.3 s and 150 Hz. None if the record comes from a simulation with the twin's mesh.
+        0.3 s and 150 Hz. Where it is larger than half of the noise, elements of twice the order are simulated at the fit.
+        None if the record comes from a simulation with the twin's mesh.
     mesh_error : MeshErrors or None
         What finer meshes change under the loads of a record; None if it comes from a simulation with the twin's mesh, or
         where a discrepancy is known. Where it hides more of the damages than the noise does, the finer mesh is simulated at
-        the fit; if nothing is known of what that one lacks, no answer is valid.
+        the fit; no answer is valid where what that one lacks still does, or is not known.
     healthy : ResponseRecord or None
         Record of the same structure without damage under the same loads: what it has beside the model is taken from every
         other one. Only with ``mesh_error``, of which the part is left that damage changes.
@@ -315,7 +316,7 @@ class Twin:
             stages = [stage.under(noise * over / FLOOR) for stage in stages]
         fit, minima = search(stages, sparse=self.sparse, one_valley=one_valley)
         if finer is not None and fit.per_sample < HOPELESS:
-            fit = corrected(fit, *finer, noise, sparse=self.sparse)
+            fit = corrected(fit, *finer, noise, sparse=self.sparse, exact=self._mesh_error is None)
         for _ in range(ESTIMATES if moving and record.noise is None else 0):
             problem = fit.problem
             noise = np.fmin(problem.noise, problem.record.noise_deviation(problem.reading(fit.point)))
@@ -372,7 +373,9 @@ class Twin:
             return self._finer_square, LEFT[record.kind] * components
         error = self._error_of(record.first(self._compared(record)))
         left = None if error is None or error.healthy else error.of_finer()
-        return None if left is None or self._mesh_error is None else (self._mesh_error.finer, left.components)
+        if self._mesh_error is None or left is None or left.buries:  # no answer would be valid
+            return None
+        return self._mesh_error.finer, left.components
 
     @cached_property
     def _finer_square(self) -> Forward | None:
