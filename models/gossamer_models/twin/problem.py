@@ -201,7 +201,7 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         self._known: dict[bytes, tuple[Matrix, Matrix]] = {}
         self.noise, self._splines, self.sensor_error = noise, None, None
         self.added: Added | None = None
-        self.components = np.zeros((0, *record.values.shape))
+        self.components = self._causes = np.zeros((0, *record.values.shape))
         self.learned_behind = discrepancy is not None and discrepancy.kind == "resistance"
         if discrepancy is not None:
             self._splines = spline_matrix(record.samples, record.step, discrepancy.length)
@@ -215,7 +215,7 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         self._weigh_anew()
 
     def like(self, other: RecordProblem, point: Point) -> RecordProblem:
-        """Return the problem of the same record with the errors of sensors and mesh of another one, about a point."""
+        """Return the problem of the record with the errors of sensors and mesh of another one, but for causes beside."""
         found = copy(self)
         found.sensor_error, found.components = other.sensor_error, other.components
         found.added, found._known = None if other.added is None else other.added.at(point.x), {}
@@ -291,7 +291,9 @@ class RecordProblem(DamageUnknowns, LeastSquares):
 
     def alone(self, sensor: int, noise: float, follows: float, beside: Matrix) -> RecordWeights:
         """Return weights of one sensor, shape (m, 1, n), under another noise and beside more components, shape (k, s, n)."""
-        parts = [self.components, beside] + ([] if self.sensor_error is None else [self.sensor_error.components])
+        parts = [self.components, self._causes, beside] + (
+            [] if self.sensor_error is None else [self.sensor_error.components]
+        )
         row, found = [sensor], np.concatenate(parts)[:, [sensor]]
         moving = found.any(axis=(1, 2))
         return RecordWeights(self.record.present[row], np.array([noise]), found[moving], self._splines, follows=follows)
@@ -303,7 +305,8 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         errors would otherwise lack what the unknowns have taken from them.
         """
         sensors, present = np.arange(len(self.record.values)), self.record.present
-        components = self.components if unknown is None else np.concatenate([self.components, unknown])
+        parts = [self.components, self._causes] + ([] if unknown is None else [unknown])
+        components = np.concatenate(parts)
         return {k: self._weights_of(present & (sensors == k)[:, None], components).weigh for k in self.record.sensors}
 
     @property
@@ -323,7 +326,7 @@ class RecordProblem(DamageUnknowns, LeastSquares):
 
     def _weigh_anew(self) -> None:
         own = None if self.sensor_error is None else self.sensor_error.components
-        self._weights = self._weights_of(self.record.present, self.components, own)
+        self._weights = self._weights_of(self.record.present, np.concatenate([self.components, self._causes]), own)
         self.values = self._weights.values
         self.y = self._weights.weigh(np.where(self.record.present, self.record.values, 0.0)[None])[0]
 
@@ -376,7 +379,7 @@ class RecordProblem(DamageUnknowns, LeastSquares):
     def beside(self, components: Matrix) -> RecordProblem:
         """Return the problem with more components of an error of the model, in the record's unit, shape (k, s, n)."""
         found = copy(self)
-        found.components = np.concatenate([self.components, components])
+        found._causes = np.concatenate([self._causes, components])
         found._weigh_anew()
         return found
 
