@@ -99,7 +99,7 @@ def damages(count: int, zones: int, seed: int = 3) -> Array:
 def records(row: Row, structure: Structure, damage: Array) -> list[ResponseRecord]:
     """Simulate one record for each row of damages, shape (m, zones), of the structure of the truth."""
     random = np.random.default_rng(len(damage))
-    forward = MembraneForward(structure.finer().finer() if row.finer else structure, row.parameters)
+    forward = MembraneForward(structure.finer() if row.finer else structure, row.parameters)
     times = row.step * np.arange(1.0, SAMPLES + 1.0)
     load = {name: np.asarray(values) for name, values in row.load(times).items()}
     if row.step:
