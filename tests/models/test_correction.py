@@ -9,6 +9,7 @@ from gossamer_models.membrane import square_structure
 from gossamer_models.twin import MembraneForward, ResponseRecord, Twin, correction
 from gossamer_models.twin import twin as twin_module
 from gossamer_models.twin.discrepancy import SPACING, Discrepancy, learn, spline_matrix
+from gossamer_models.twin.nuisances import BY_DEFAULT
 
 STEP, STEPS = 3e-4, 333
 DAMAGE = np.where(np.arange(16) == 5, 0.3, 0.0) + np.where(np.arange(16) == 10, 0.15, 0.0)
@@ -76,8 +77,18 @@ def test_a_finer_mesh_that_fails_leaves_the_fit_of_the_own_one(strain, learned, 
 
     twin = Twin(discrepancy=learned, structure=square_structure(4, 2))
     monkeypatch.setattr(twin._finer_square, "strain", fails)
-    answer = twin.fit(record(strain, 4))
-    assert np.isfinite(answer.damage).all()
+    fit, _ = twin._searched(record(strain, 4), lambda *_: None)
+    assert fit.problem.added is None
+    assert np.array_equal(fit.problem.noise, np.full(4, NOISE))
+    assert np.isfinite(twin.fit(record(strain, 4)).damage).all()
+
+
+def test_a_hopeless_fit_states_chi2_by_the_noise_that_was_given(strain, learned):
+    made = record(strain, 4)
+    twin = Twin(discrepancy=learned, structure=square_structure(4, 2), known=BY_DEFAULT)
+    fit, _ = twin._searched(replace(made, values=1.5 * made.values), lambda *_: None)
+    assert not fit.passes
+    assert np.array_equal(fit.problem.noise, np.full(4, NOISE))
 
 
 def test_what_is_added_follows_the_finer_mesh_to_first_order(strain, learned):

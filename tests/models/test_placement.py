@@ -15,7 +15,7 @@ from gossamer_models.placement.information import THRESHOLD, choose, deviations,
 from gossamer_models.placement.placing import _unseen
 from gossamer_models.twin import LoadTable, MembraneForward
 from gossamer_models.twin.nuisances import OFFSET, Nuisances
-from gossamer_models.twin.problem import DamageUnknowns
+from gossamer_models.twin.unknowns import DamageUnknowns
 from scipy.stats import norm
 
 SHIPPED = Path(__file__).parents[2] / "orchestrator" / "membranes"

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..arrays import Matrix, Rows, Vector
 from ..twin.least_squares import LeastSquares, Point, descend, require_finite
-from ..twin.problem import DamageUnknowns, Report
+from ..twin.unknowns import DamageUnknowns, Report
 from .information import FACTOR, THRESHOLD, covariance, weigh
 
 DAMAGE = 0.3  # of every zone [1]: so far from zero that the bounds of a fit do not hold it back

@@ -20,7 +20,7 @@ from ..twin.forward import MembraneForward
 from ..twin.groups import UNRESOLVED
 from ..twin.least_squares import PRIOR_DEVIATION
 from ..twin.nuisances import OF_MOTION, Loads, LoadTable, Nuisances, possible
-from ..twin.problem import DamageUnknowns
+from ..twin.unknowns import DamageUnknowns
 from .candidates import candidates
 from .check import MonteCarloCheck, check
 from .information import choose, deviations, information, smallest_damage, weakest

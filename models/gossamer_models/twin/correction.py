@@ -14,11 +14,12 @@ from .oddities import chi2_bound
 from .problem import RecordProblem
 from .search import FEW_STEPS, Fit, again
 
+HOPELESS = 3.0  # chi2 per sample that no finer mesh explains
 ROUNDS = 5
 SETTLED = 0.5  # deviations of a damage: a round that moves none by more is the last
 
 
-def corrected(fit: Fit, finer: Forward, components: Matrix, noise: Vector, *, sparse: bool, exact: bool) -> Fit:
+def corrected(fit: Fit, finer: Forward, components: Matrix, noise: Vector, *, sparse: bool, simulated: bool) -> Fit:
     """Return the fit to what a finer mesh predicts; one on the twin's mesh if it made the record, or nothing settles.
 
     Parameters
@@ -33,7 +34,7 @@ def corrected(fit: Fit, finer: Forward, components: Matrix, noise: Vector, *, sp
         Standard deviation of the noise, in the unit of the record.
     sparse : bool
         As of ``search``.
-    exact : bool
+    simulated : bool
         Whether the mesh of the twin may have made the record: it has where noise alone explains what is left.
 
     Notes
@@ -46,16 +47,19 @@ def corrected(fit: Fit, finer: Forward, components: Matrix, noise: Vector, *, sp
     ----------
     .. [1] K. Bohmer, P. W. Hemker, H. J. Stetter, Computing Supplementum 5, 1-32, 1984, doi:10.1007/978-3-7091-7023-6_1.
     """
-    own, found, settled = fit.problem.under(noise), fit, False
-    if exact and _made_by(own, fit):
+    own = problem = fit.problem.under(noise)
+    if fit.per_sample >= HOPELESS or (simulated and _made_by(own, fit)):
         return again(fit, own, sparse=sparse)
+    found, settled = fit, False
     for _ in range(ROUNDS):
         try:
-            problem = found.problem.corrected(finer, found.point, found.kept, components).under(noise)
+            problem = problem.corrected(finer, found.point, found.kept, components)
         except ConvergenceError:
             break
         before, found = found, again(found, problem, sparse=sparse)
-        settled = moved(before, found) < SETTLED
+        if found is before:  # the fit failed
+            break
+        problem, settled = found.problem, moved(before, found) < SETTLED
         if settled:
             break
     if settled and found.passes:
@@ -66,7 +70,7 @@ def corrected(fit: Fit, finer: Forward, components: Matrix, noise: Vector, *, sp
 
 def _made_by(own: RecordProblem, fit: Fit) -> bool:
     """Tell whether the mesh of the twin has made a record, so that noise alone explains what is left."""
-    alone = own.exact()
+    alone = own.without_mesh_error()
     try:
         return descend(alone, fit.point.x, fit.kept, FEW_STEPS).point.chi2 <= chi2_bound(alone) * alone.values
     except ConvergenceError:

@@ -81,8 +81,9 @@ class MeshError:
         still_finer = self.still_finer - factor[: len(self.still_finer), None, None] * self.still_finer[:1]
         return replace(self, finer=(self.finer - less)[1:], still_finer=still_finer[1:], healthy=True)
 
+    @cached_property
     def of_finer(self) -> MeshError | None:
-        """Return the error of the finer mesh; None if no still finer one is known."""
+        """The error of the finer mesh; None if no still finer one is known."""
         left = self.still_finer - self.finer[: len(self.still_finer)]
         return replace(self, finer=left, still_finer=left[:0]) if len(left) else None
 

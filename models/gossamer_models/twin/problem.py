@@ -8,142 +8,26 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import copy
-from dataclasses import dataclass
 from itertools import compress
 from threading import Lock
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Matrix, Rows, Vector
 from .discrepancy import Discrepancy, spline_matrix
-from .forward import LANES, WORKERS, Forward
-from .least_squares import DAMAGE_STEP, MOST_DAMAGE, PRIOR_DEVIATION, LeastSquares, Point, neighbours, require_finite
-from .nuisances import BEYOND, SENSOR, SPARE, Nuisances
+from .forward import LANES, Forward
+from .least_squares import PRIOR_DEVIATION, LeastSquares, Point, neighbours, require_finite
+from .nuisances import SENSOR, SPARE, Nuisances
 from .record import ResponseRecord, StaticRecord
 from .sensor_error import SensorError
 from .simulation import SensedForward
+from .unknowns import Added, DamageUnknowns
 from .weights import RecordWeights
 
 SMALL = 1e-2  # of a cause, to weigh it where sensors bend it
-NUISANCE_STEP = 1e-4  # in units of the prior's deviation
 KEPT = 64  # simulations: those of derivatives, which serve again under other weights
 SMALL_STEP = 2e-5  # of damage: errors of differences would tell modulus, density, loads and equal damage apart
-Report: TypeAlias = Callable[[int, int], None]  # how many simulations of how many
-
-
-class DamageUnknowns:
-    """Damages and nuisances as unknowns of a forward model, and the strain that it predicts of them.
-
-    Parameters
-    ----------
-    forward : Forward
-        From damage to strain.
-    nuisances : Nuisances
-        Unknowns beside the damages, and the loads.
-    groups : ndarray of int, shape (all zones,), or None
-        Which unknown each zone's damage is, from 0; None for one each.
-
-    Attributes
-    ----------
-    zones : int
-        Damages among the unknowns.
-    size : int
-        Number of unknowns.
-    """
-
-    def __init__(self, forward: Forward, nuisances: Nuisances, groups: NDArray[np.int64] | None = None) -> None:
-        self.model, self.nuisances = forward, nuisances
-        self.groups = np.arange(len(forward.zones)) if groups is None else groups
-        self.zones = int(self.groups.max()) + 1
-        ones = np.ones(len(nuisances.names))
-        self.size = self.zones + ones.size
-        self.simulated = self.zones + len(nuisances.simulated)
-        self.prior = np.r_[np.zeros(self.zones), ones]
-        self.low = np.r_[np.zeros(self.zones), -BEYOND * ones]
-        self.high = np.r_[np.full(self.zones, MOST_DAMAGE), BEYOND * ones]
-        self.steps = np.r_[np.full(self.zones, DAMAGE_STEP), NUISANCE_STEP * ones]
-
-    def z(self, x: Matrix) -> Matrix:
-        """Return the nuisances of rows of unknowns, in units of their priors, shape (m, number of nuisances)."""
-        return x[:, self.zones :]
-
-    def damage(self, x: Matrix) -> Matrix:
-        """Return the damage of all zones [1] of rows of unknowns, shape (m, all zones)."""
-        return np.asarray(x[:, : self.zones][:, self.groups])
-
-    def histories(self, x: Matrix, samples: int, h: float) -> Matrix:
-        """Simulate the strain [1] of rows of unknowns, shape (m, s, samples); in as many states of rest for a step of 0."""
-        z = self.z(x)
-        if not h:
-            return self.model.states(self.damage(x), self.nuisances.moved(z), self.nuisances.histories(z, np.zeros(samples)))
-        loads = self.nuisances.histories(z, h * np.arange(1.0, samples + 1.0))
-        return self.model.strain(self.damage(x), self.nuisances.moved(z), loads, samples, h)
-
-    def linearised(self, x: Vector, samples: int, h: float, report: Report = lambda *_: None) -> tuple[Matrix, Matrix]:
-        """Return the strain [1] at unknowns, shape (s, samples), and its differences by all, shape (size, s, samples).
-
-        Raises
-        ------
-        ConvergenceError
-            A case fails.
-        """
-        rows, steps = neighbours(x, np.arange(self.size), self.steps, self.high)
-        rows, found = np.vstack([x, rows]), []
-        for first in range(0, len(rows), LANES * WORKERS):
-            found.append(self.histories(rows[first : first + LANES * WORKERS], samples, h))
-            report(min(first + LANES * WORKERS, len(rows)), len(rows))
-        y = require_finite(np.concatenate(found))
-        return y[0], (y[1:] - y[0]) / steps[:, None, None]
-
-    def roughness(self, samples: int, h: float) -> float:
-        """Return how far differences of the strain by three steps of damage are from a parabola [1].
-
-        Next to nothing if the response is smooth, however much it bends; more than 1 where a slack film flaps.
-
-        Raises
-        ------
-        ConvergenceError
-            A case fails.
-        """
-        along = np.zeros(self.size)
-        along[: self.zones] = np.random.default_rng(0).uniform(0.5, 1.0, self.zones)
-        steps = DAMAGE_STEP * np.array([0.25, 0.5, 1.0])
-        y = require_finite(self.histories(np.vstack([0.0 * along, steps[:, None] * along]), samples, h))
-        short, middle, long = (y[1:] - y[0]) / steps[:, None, None]
-        bent = (long - middle) / 2.0 - (middle - short)
-        return float(np.linalg.norm(bent)) / max(float(np.linalg.norm(long)), 1e-300)
-
-
-@dataclass(frozen=True)
-class Added:
-    """What a finer mesh adds to the strain, to first order in some unknowns.
-
-    Attributes
-    ----------
-    strain : ndarray, shape (s, n)
-        Added where it was simulated [1].
-    x : ndarray, shape (size,)
-        Unknowns there.
-    moving : ndarray of int, shape (k,)
-        Unknowns with derivatives.
-    slopes : ndarray, shape (k, s, n)
-        By these.
-    """
-
-    strain: Matrix
-    x: Vector
-    moving: NDArray[np.int64]
-    slopes: Matrix
-
-    def to(self, x: Matrix) -> Matrix:
-        """Return what is added at rows of unknowns, shape (m, s, n)."""
-        return self.strain + np.tensordot(x[:, self.moving] - self.x[self.moving], self.slopes, 1)
-
-    def at(self, x: Vector) -> Added:
-        """Return what is added at unknowns, for others than these."""
-        return Added(self.to(x[None])[0], x, self.moving[:0], self.slopes[:0])
 
 
 class RecordProblem(DamageUnknowns, LeastSquares):
@@ -216,18 +100,12 @@ class RecordProblem(DamageUnknowns, LeastSquares):
 
     def like(self, other: RecordProblem, point: Point) -> RecordProblem:
         """Return the problem of the record with the errors of sensors and mesh of another one, but for causes beside."""
-        found = copy(self)
-        found.sensor_error, found.components = other.sensor_error, other.components
-        found.added, found._known = None if other.added is None else other.added.at(point.x), {}
-        found._weigh_anew()
-        return found
+        added = None if other.added is None else other.added.at(point.x)
+        return self._with(sensor_error=other.sensor_error, components=other.components, added=added, _known={})
 
     def under(self, noise: Vector, record: ResponseRecord | None = None) -> RecordProblem:
         """Return the problem with other noise, shape (s,), and that of a record of the same values where it is coloured."""
-        found = copy(self)
-        found.noise, found.record = noise, self.record if record is None else record.first(self.record.samples)
-        found._weigh_anew()
-        return found
+        return self._with(noise=noise, record=self.record if record is None else record.first(self.record.samples))
 
     def corrected(self, finer: Forward, point: Point, kept: Rows, components: Matrix) -> RecordProblem:
         """Return the problem with what a finer mesh adds to the strain about a point.
@@ -248,23 +126,18 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         ConvergenceError
             The finer mesh fails there.
         """
-        other, own, found = copy(self), copy(self), copy(self)
+        other, own = copy(self), copy(self)
         other.model, other.added, own.added = finer, None, None
         moving = np.flatnonzero(kept[: self.simulated])[: LANES - 1]
         rows, steps = neighbours(point.x, moving, self.steps[moving], self.high)
         rows = np.vstack([point.x, rows])
         more = require_finite(other._strain(rows) - own._strain(rows))
-        found.added = Added(more[0], point.x, moving, (more[1:] - more[0]) / steps[:, None, None])
-        found.components, found._known = self._of_record(components), {}
-        found._weigh_anew()
-        return found
+        added = Added(more[0], point.x, moving, (more[1:] - more[0]) / steps[:, None, None])
+        return self._with(added=added, components=self._of_record(components), _known={})
 
-    def exact(self) -> RecordProblem:
+    def without_mesh_error(self) -> RecordProblem:
         """Return the problem of a record that the mesh of the twin has made."""
-        found = copy(self)
-        found.components = self.components[:0]
-        found._weigh_anew()
-        return found
+        return self._with(components=self.components[:0])
 
     @property
     def mesh_over_noise(self) -> float:
@@ -277,10 +150,8 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         before = self.sensor_error
         if before is None:
             return self
-        error, found = self._error_along(self._simulated(point.x[None])[0], self.reading(point), before.scales), copy(self)
-        found.sensor_error = error.told(self.record.values, self.weigh_alone(self.unknown(point)))
-        found._weigh_anew()
-        return found
+        error = self._error_along(self._simulated(point.x[None])[0], self.reading(point), before.scales)
+        return self._with(sensor_error=error.told(self.record.values, self.weigh_alone(self.unknown(point))))
 
     def unknown(self, point: Point) -> Matrix:
         """Return what deviations of the unknowns about a point change of what the sensors read, shape (k, s, n)."""
@@ -323,6 +194,13 @@ class RecordProblem(DamageUnknowns, LeastSquares):
     def log_determinant(self) -> float:
         """Of the covariance of the record beside the nuisances that are fitted, in units of the noise's."""
         return self._weights.log_determinant
+
+    def _with(self, **changes: object) -> RecordProblem:
+        """Return the problem with other attributes, weighed anew."""
+        found = copy(self)
+        vars(found).update(changes)
+        found._weigh_anew()
+        return found
 
     def _weigh_anew(self) -> None:
         own = None if self.sensor_error is None else self.sensor_error.components
@@ -378,10 +256,7 @@ class RecordProblem(DamageUnknowns, LeastSquares):
 
     def beside(self, components: Matrix) -> RecordProblem:
         """Return the problem with more components of an error of the model, in the record's unit, shape (k, s, n)."""
-        found = copy(self)
-        found._causes = np.concatenate([self._causes, components])
-        found._weigh_anew()
-        return found
+        return self._with(_causes=np.concatenate([self._causes, components]))
 
     def _of_record(self, error: Matrix) -> Matrix:
         """Return an error of the model at the samples or in the states, shape (k, s, n or more), at the record's values."""

@@ -27,12 +27,13 @@ from .forward import Forward, MembraneForward, forward_of
 from .groups import alike, untold, without_nuisances
 from .mesh_error import MeshError, MeshErrors
 from .nuisances import BY_DEFAULT, FACTORS, NAMES, OF_MOTION, OF_SENSOR, SENSOR, Loads, Nuisances, check_names, possible
-from .problem import DamageUnknowns, RecordProblem
+from .problem import RecordProblem
 from .reasons import likely_reason
 from .record import PASSING, ResponseRecord, StaticRecord, Wiring, best_wiring, dead_sensors, less_healthy, other_wirings
 from .search import Fit, again, begun, misfit, search
 from .second_look import Parted, parted
 from .simulation import SensedForward
+from .unknowns import DamageUnknowns
 
 EARLY = (0.6, 2.0)  # first periods of the first stages: early, chi2 has one valley; over two periods it has several
 VALLEY = 0.7  # first periods over which chi2 has one valley, at most
@@ -42,7 +43,6 @@ Progress: TypeAlias = Callable[[float, int], None]  # length of the record [s], 
 ESTIMATES, SAME_NOISE = 2, 0.9  # of noise from what a fit leaves, while it falls below this share
 HIDES = 0.5  # of the noise: where the error of the mesh is larger, a finer one is simulated at the fit
 FLOOR = 3.0  # times the noise: no search takes the mesh for more exact, before a finer one is simulated
-HOPELESS = 3.0  # chi2 per sample that no finer mesh explains
 LEFT = {"strain": 0.15, "resistance": 0.3}  # of the error of the thesis' square: measured of order 8 by pairs of order 12
 WIRED = 20.0  # of chi2: what another wiring of a record that fits must explain
 
@@ -121,12 +121,11 @@ class Twin:
         self.parameters = self._forward.parameters
         check_names(self.nuisances, self._forward.inputs)
         check_names(self.known)
-        if discrepancy == "learned":
-            shipped = default_discrepancy()
-            discrepancy = shipped if is_learned(self._forward, shipped) else None
-        self.discrepancy = discrepancy
+        self.discrepancy = default_discrepancy() if discrepancy == "learned" else discrepancy
+        if discrepancy == "learned" and not self._learned:
+            self.discrepancy = None
         self._behind: Discrepancy | None = None
-        if healthy is not None and (mesh_error is None or discrepancy is not None):
+        if healthy is not None and (mesh_error is None or self.discrepancy is not None):
             msg = (
                 "a healthy record does not tell what damage does on a finer mesh, so it is taken from others only where the "
                 f"error of the mesh is known. Use it with a setup, and with {option('mesh_error')}."
@@ -315,8 +314,8 @@ class Twin:
         if finer is not None and over > FLOOR:  # more precise than the mesh lets through
             stages = [stage.under(noise * over / FLOOR) for stage in stages]
         fit, minima = search(stages, sparse=self.sparse, one_valley=one_valley)
-        if finer is not None and fit.per_sample < HOPELESS:
-            fit = corrected(fit, *finer, noise, sparse=self.sparse, exact=self._mesh_error is None)
+        if finer is not None:
+            fit = corrected(fit, *finer, noise, sparse=self.sparse, simulated=self._mesh_error is None)
         for _ in range(ESTIMATES if moving and record.noise is None else 0):
             problem = fit.problem
             noise = np.fmin(problem.noise, problem.record.noise_deviation(problem.reading(fit.point)))
@@ -372,7 +371,7 @@ class Twin:
         if self._finer_square is not None:
             return self._finer_square, LEFT[record.kind] * components
         error = self._error_of(record.first(self._compared(record)))
-        left = None if error is None or error.healthy else error.of_finer()
+        left = None if error is None or error.healthy else error.of_finer
         if self._mesh_error is None or left is None or left.buries:  # no answer would be valid
             return None
         return self._mesh_error.finer, left.components
@@ -380,20 +379,23 @@ class Twin:
     @cached_property
     def _finer_square(self) -> Forward | None:
         """The square of the thesis with elements of twice the order, if its error is learned."""
-        model, learned = self._forward, self.discrepancy
-        if learned is None or not isinstance(model, MembraneForward) or not is_learned(model, learned):
+        if self.discrepancy is None or not self._learned:
             return None
-        square = square_structure(learned.elements_per_side, 2 * learned.order)
-        return MembraneForward(square, {**model.parameters, **model.inputs})
+        square = square_structure(self.discrepancy.elements_per_side, 2 * self.discrepancy.order)
+        return MembraneForward(square, {**self._forward.parameters, **self._forward.inputs})
+
+    @cached_property
+    def _learned(self) -> bool:
+        """Whether the discrepancy was learned for this mesh, membrane and load."""
+        return self.discrepancy is not None and is_learned(self._forward, self.discrepancy)
 
     def _discrepancy_of(self, record: ResponseRecord, report: Progress) -> Discrepancy | None:
         """Return what finer meshes would add: where sensors may be off their model, to what they read."""
         if self.discrepancy is None or not self._may_be_off(record):
             return self.discrepancy
         if self._behind is None:
-            known = is_learned(self._forward, self.discrepancy)
             advice = f"Give discrepancy=None, or {option('known', SENSOR)}."
-            require(known, f"what a mesh lacks behind sensors is learned of the thesis' square alone. {advice}")
+            require(self._learned, f"what a mesh lacks behind sensors is learned of the thesis' square alone. {advice}")
             self._behind = self.discrepancy.behind(self._sensed.require_bank(), report)
         return self._behind
 
