@@ -6,8 +6,6 @@ sample, resistance of 0.1 % of its change at full scale; offsets are unknown. Re
 has 8 states of 10 readings. ``*_finer`` are records of a mesh of four times the elements, which the twin does not know,
 ``*_healthy`` those less a healthy record of that mesh. ``*_24`` have 24 zones and 16 sensors, chosen by place-sensors.
 ``tube_strain`` has as much noise of strain as that of ``tube_resistance`` is, by the swings of both at each sensor.
-``*_watch`` are records in which 20 to 50 % damage of one zone begin after 12 periods, with a load 3 % above or below what
-the watch knows; an alarm comes in time if it comes within three periods.
 """
 
 from __future__ import annotations
@@ -23,15 +21,13 @@ import numpy as np
 from gossamer_models.membrane import Structure, Zone, make_structure
 from gossamer_models.placement import place_sensors
 from gossamer_models.sensor import default_artifact
-from gossamer_models.twin import Answer, LoadTable, MembraneForward, MeshErrors, ResponseRecord, StaticRecord, Twin, Watch
+from gossamer_models.twin import Answer, LoadTable, MembraneForward, MeshErrors, ResponseRecord, StaticRecord, Twin
 from gossamer_models.twin.simulation import SensedForward
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 SAMPLES, READINGS = 400, 10
 NOISE = 1e-4  # of strain, a sample [1]
-BEFORE, WINDOWS = 12, 18  # windows before the one in which damage begins, and in all
-WRONG_LOAD = 0.03
 STEP = 2.4e-4  # [s]
 RESISTANCE_NOISE = 1e-3  # of the change of resistance at full scale
 QUIET = {"pressure_amplitude": 0.0}
@@ -158,38 +154,6 @@ def measure(name: str, row: Row, count: int) -> str:
     )
 
 
-def watch(name: str, structure: Structure, count: int, step: float = 2.5e-4) -> str:
-    """Return what a watch, a window for each period, saw of records in which damage begins."""
-    random = np.random.default_rng(5)
-    forward = MembraneForward(structure)
-    samples = round(forward.period / step)
-    late = wrong = false = 0
-    errors = []
-    for k in range(count):
-        zone, depth = random.integers(structure.n_zones), random.uniform(0.2, 0.5)
-        onset = (BEFORE + random.uniform()) * samples * step
-        amplitude = forward.parameters["pressure_amplitude"] * (1.0 + WRONG_LOAD * (-1.0) ** k)
-        state, _ = forward.begin(np.zeros(structure.n_zones), {"pressure_amplitude": amplitude})
-        damage = np.zeros((1, samples * WINDOWS, structure.n_zones))
-        damage[0, step * np.arange(1, samples * WINDOWS + 1) > onset, zone] = depth
-        strain = forward.advance(state, damage, {}, step)[0][0]
-        watching = Watch(NOISE, structure, step=step)
-        readings = strain + NOISE * random.standard_normal(strain.shape)
-        judged = [watching.advance(part) for part in np.split(readings, WINDOWS, axis=1)]
-        alarms = [window.time for window in judged if window.alarm]
-        false += sum(time < onset for time in alarms)
-        late += not any(onset < time <= onset + 3.0 * samples * step for time in alarms)
-        for found in (window.finding for window in judged if window.finding):
-            wrong += int(np.argmax(found.damage)) != zone
-            errors.append(abs(found.onset - onset) / (samples * step))
-            print(f"{name} {k}: {depth:.3f} {found.damage[zone]:.3f} +- {found.deviation[zone]:.3f}", file=sys.stderr)
-    return (
-        f"{name}: {count} records, {structure.n_zones} zones, {structure.n_sensors} sensors: {late} without an alarm in "
-        f"time, {false} false alarms in {BEFORE * count} healthy windows, {wrong} of {len(errors)} answers name another "
-        f"zone, onset {100.0 * np.median(errors):.2g} % of a period off (median)"
-    )
-
-
 HEAD = (
     "| record | zones, sensors | asked: error all / damaged [%] | all / damaged [%] | largest [%] | rms z | missed / false |"
     " valid | wrong and valid: determined, any | within the 95 % bounds, all, damaged zones [%] | CPU a fit [s] | swing of"
@@ -210,17 +174,15 @@ ROWS = {
     "tube_resistance": Row("2 x tube_strain", lambda: shipped("tube"), STEP, shaken, QUIET, read="resistance"),
     "tube_strain": Row("", lambda: shipped("tube"), STEP, shaken, QUIET, read="as by resistance"),
 }
-WATCHED = {"dish_watch": "reflector", "drum_watch": "drum"}
 
 
 def main() -> None:
     """Print the table."""
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 24
-    wanted = sys.argv[2:] or [*ROWS, *WATCHED]
-    print(f"rows: {', '.join([*ROWS, *WATCHED])}; {count} records each\n\n{HEAD}", flush=True)
+    wanted = sys.argv[2:] or ROWS
+    print(f"rows: {', '.join(ROWS)}; {count} records each\n\n{HEAD}", flush=True)
     for name in wanted:
-        setup = WATCHED.get(name)
-        print(watch(name, shipped(setup), count) if setup else measure(name, ROWS[name], count), flush=True)
+        print(measure(name, ROWS[name], count), flush=True)
 
 
 if __name__ == "__main__":

@@ -50,7 +50,7 @@ class Watching(Saved):
     findings, withheld : list of gossamer_models.twin.DamageOnset
         Onset and damages, of each damage that began; apart those that do not explain the readings.
     times, scores, misfits : list of float
-        End of each window [s], the score of new damage in units of its mean [1], and chi2 per sample [1].
+        End of each window [s], the score of new damage over what raises an alarm [1], and chi2 per sample [1].
     """
 
     zones: tuple[str, ...]
@@ -69,7 +69,7 @@ class Watching(Saved):
         self.scores.append(judged.statistic)
         if judged.alarm:
             self.alarms.append(judged.time)
-            text = f"t = {judged.time:.4f} s: ALARM, the score of new damage is {judged.statistic:.3g} times its mean"
+            text = f"t = {judged.time:.4f} s: ALARM, new damage is {judged.statistic:.3g} times as evident as an alarm takes"
             console.print(text, style="bold red", highlight=False)
         if (found := judged.finding) is None:
             return

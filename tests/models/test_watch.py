@@ -10,7 +10,6 @@ from gossamer_models.membrane import membrane_model, square_structure
 from gossamer_models.sensor import default_artifact, sensor_model
 from gossamer_models.twin import MembraneForward
 from gossamer_models.twin.evidence import Evidence
-from gossamer_models.twin.onset import JudgedWindow, OnsetProblem
 from gossamer_models.twin.simulation import SensedForward
 from gossamer_models.twin.watch import Watch
 
@@ -75,24 +74,23 @@ def test_a_load_that_is_not_as_known_raises_no_alarm_and_hides_no_damage(load):
     assert [window.misfit for window in judged[:5]] == pytest.approx(np.ones(5), abs=0.2)
 
 
-def test_evidence_of_old_onsets_is_forgotten_exactly():
-    """What is left is the least squares of a load and the windows whose onsets are kept."""
+def test_evidence_is_that_of_all_windows_together():
+    """What is left is the least squares of what lasts and the onsets that are kept, each damage for itself."""
     random = np.random.default_rng(9)
-    J, r = random.standard_normal((3, 40, 1 + 3 * 2)), random.standard_normal((3, 40))
-    evidence = Evidence(1, 2, 1.0)
-    for k in range(3):
-        J[k, :, 1 + 2 * (k + 1) :] = 0.0  # no damage that begins later
-        evidence.add(r[k], J[k][:, np.r_[0, 1 + 2 * max(0, k - 1) : 3 + 2 * k]], min(k, 1))
-    J[0, :, 1:] = J[1, :, 1:3] = 0.0  # of onsets that are forgotten
-    both, one = np.vstack([*J])[:, [0, 3, 4, 5, 6]], np.vstack([*J])[:, [0]]
-
-    def explained(columns):
-        prior = np.diag([1.0, *np.zeros(columns.shape[1] - 1)])
-        g = columns.T @ r.ravel()
-        return g @ np.linalg.solve(columns.T @ columns + prior, g)
-
-    assert evidence.freedom == 4
-    assert evidence.score == pytest.approx((explained(both) - explained(one)) / 4)
+    J, r = random.standard_normal((3, 40, 2 + 3 * 2)), random.standard_normal((3, 40))
+    evidence = Evidence(np.array([0.3, 0.0]), 2)
+    for k, stay in enumerate(([], [0], [1])):
+        J[k, :, 2 + 2 * (k + 1) :] = 0.0  # no damage that begins later
+        columns = np.r_[:2, (2 + 2 * np.r_[k - len(stay) : k + 1][:, None] + np.arange(2)).ravel()].astype(int)
+        evidence.add(r[k], J[k][:, columns], np.array(stay, dtype=int))
+    J = np.vstack([*J])[:, [0, 1, 4, 5, 6, 7]]  # the first onset is forgotten
+    lasting = np.linalg.solve(J[:, :2].T @ J[:, :2] + np.eye(2), J[:, :2].T @ r.ravel() + [0.3, 0.0])
+    assert evidence.lasting == pytest.approx(lasting)
+    moved = r.ravel() - J[:, :2] @ lasting
+    for k, score in enumerate(evidence.scores.ravel(), start=2):
+        c, P = J[:, k], J[:, :2]
+        left = c @ c - c @ P @ np.linalg.solve(P.T @ P + np.eye(2), P.T @ c)
+        assert score == pytest.approx((c @ moved) ** 2 / left)
 
 
 def test_readings_may_be_resistances():
@@ -108,20 +106,37 @@ def test_readings_may_be_resistances():
     assert finding.damage == pytest.approx(0.3 * np.eye(16)[5], abs=0.03)
 
 
-def test_windows_before_the_onset_are_not_simulated_again_and_the_readings_are_the_same():
-    forward, sigma, healthy = (SensedForward(MembraneForward(SQUARE)), np.full(4, NOISE), np.zeros(16))
-    place, seen = forward.begin(healthy, {}, STEP), []
-    for k in range(3):
-        expected, after = forward.advance(place, np.zeros((1, 30, 16)), {}, STEP)
-        seen.append(JudgedWindow(30 * STEP * k, place, expected[0], expected[0]))
-        place = after
-    y = np.concatenate([window.y for window in seen], axis=1)
-    whole = OnsetProblem(forward, [JudgedWindow(0.0, seen[0].place, y, y)], sigma, healthy, STEP)
-    parts = OnsetProblem(forward, seen, sigma, healthy, STEP)
-    for onsets in ([40.5, 70.0], [60.0, 61.0], [3.0, 80.0]):
-        unknowns = np.column_stack([onsets, np.full((2, 16), 0.2)])
-        np.testing.assert_array_equal(parts.simulate(unknowns)[0], whole.simulate(unknowns)[0])
-        np.testing.assert_array_equal(parts.simulate(unknowns)[1].membrane.x, whole.simulate(unknowns)[1].membrane.x)
+@pytest.mark.parametrize("what", ["gains", "sensors"])
+def test_sensors_that_are_off_neither_alarm_nor_hide(what):
+    """One of strain reads 5 % more, those of resistance 20 % less and bent, beside an offset."""
+    strain = strains(0.2833, 7, 0.1)
+    if what == "gains":
+        watch, readings = Watch(NOISE, SQUARE), noisy(strain * np.array([[1.05], [1.0], [0.97], [1.0]]), 8)
+    else:
+        bank = SensedForward(MembraneForward(SQUARE), default_artifact()).require_bank()
+        R = bank.read(strain[None], STEP)[0][0]
+        span = np.ptp(R, axis=1, keepdims=True)
+        u = (R - R[:, :1]) / span
+        sigma = 1e-3 * float(span.mean())
+        readings = R - span * (0.2 * u + 0.05 * u**2 - 0.1) + sigma * np.random.default_rng(8).standard_normal(R.shape)
+        watch = Watch(sigma, SQUARE, sensor=default_artifact())
+    judged = windows(watch, readings)
+    assert [window.time > 0.2833 for window in judged if window.alarm] == [True]
+    (finding,) = (window.finding for window in judged if window.finding)
+    assert finding.valid
+    assert finding.damage == pytest.approx(0.1 * np.eye(16)[6], abs=0.03)
+
+
+def test_neighbours_are_fewer_the_older_they_are():
+    watch = Watch(NOISE, SQUARE)
+    forward = MembraneForward(SQUARE)
+    state, _ = forward.begin(np.zeros(len(forward.zones)), {})
+    damage, ages = np.zeros((1, 60, len(forward.zones))), []
+    for _ in range(20):
+        strain, state = forward.advance(state, damage, {}, STEP)
+        watch.advance(noisy(strain[0], 0))
+        ages.append(len(watch._onsets))
+    assert max(ages) <= 8
 
 
 def test_missing_readings_are_left_out():

@@ -1,42 +1,44 @@
-r"""What windows of readings say together: how far each load is off, and whether damage has begun in one of the last.
+r"""What windows of readings say together: what does not change, and whether damage has begun since one of some onsets.
 
-Symbols: ``l`` loads, ``z`` zones; ``r`` residuals in units of the noise and ``J`` their derivatives; ``A`` = sum of J^T J
-and ``g`` = sum of J^T r over the windows, first the factors of the loads, then z damages for each onset.
+Symbols: ``p`` unknowns that last, in units of their priors' deviations, ``z`` zones, ``m`` onsets; ``r`` residuals in units
+of the noise and ``J`` their derivatives; ``A`` = sum of J^T J and ``g`` = sum of J^T r over the windows, first the unknowns
+that last, then z damages for each onset.
 """
 
 from __future__ import annotations
 
 import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
 
 from ..arrays import Matrix, Vector
 
-NEGLIGIBLE = 1e-10  # of the largest eigenvalue
+NEGLIGIBLE = 1e-9  # of its curvature: what the unknowns that last leave of a damage that they explain
 
 
 class Evidence:
-    r"""Sums over windows, and Rao's score statistic of new damage.
+    r"""Sums over windows, and Rao's score statistics of new damage.
 
     Parameters
     ----------
-    loads, zones : int
-        Numbers l and z.
-    deviation : float
-        Prior's standard deviation of the factor of a load, less 1 [1].
+    mean : ndarray, shape (p,)
+        Of the prior of the unknowns that last, whose deviations are 1.
+    zones : int
+        Number z.
 
     Attributes
     ----------
-    score : float
-        Statistic over its mean while nothing changes.
-    freedom : int
-        Degrees of freedom of its chi2 distribution.
-    factors : ndarray, shape (l,)
-        By how much each load is larger than known [1], if no damage has begun.
+    lasting : ndarray, shape (p,)
+        Unknowns that last, if no damage has begun.
+    scores : ndarray, shape (m, z)
+        Statistic of damage of one zone that began at one onset: chi2 of one degree of freedom while nothing changes.
 
     Notes
     -----
-    Damage that begins at one of some onsets, and in parts at many, is linear in the z damages of each onset. With d damages,
-    a factors, the statistic is :math:`g^T A^{-1} g` of both less that of the factors alone [1]_. A window says nothing of
-    damage that begins after it, so what is said of the oldest onsets goes with their rows and columns, exactly.
+    Damage that begins at one of some onsets is linear in the z damages of each onset. With a damage c beside the unknowns
+    that last, it is
+    :math:`(g_c - A_{cp} A_{pp}^{-1} g_p)^2 / (A_{cc} - A_{cp} A_{pp}^{-1} A_{pc})` [1]_. A window
+    says nothing of damage that begins after it, so an onset is forgotten with its rows and columns.
 
     References
     ----------
@@ -44,45 +46,48 @@ class Evidence:
        doi:10.1017/S0305004100023987.
     """
 
-    def __init__(self, loads: int, zones: int, deviation: float) -> None:
-        self._A, self._g = np.eye(loads) / deviation**2, np.zeros(loads)
-        self._loads, self._zones = loads, zones
-        self.score, self.freedom, self.factors = 0.0, 1, np.zeros(loads)
+    def __init__(self, mean: Vector, zones: int) -> None:
+        self._A, self._g, self._p, self._z = np.eye(mean.size), mean.copy(), mean.size, zones
+        self.lasting, self.scores = mean.copy(), np.zeros((0, zones))
 
-    def add(self, r: Vector, J: Matrix, kept: int) -> None:
+    def add(self, r: Vector, J: Matrix, stay: NDArray[np.int64]) -> None:
         """Add a window.
 
         Parameters
         ----------
         r : ndarray, shape (n,)
             Residuals.
-        J : ndarray, shape (n, l + (kept + new) z)
-            Derivatives by the factors of the loads, and by the damages since each onset.
-        kept : int
-            How many of the latest onsets are known from earlier windows.
+        J : ndarray, shape (n, p + m z)
+            Derivatives by the unknowns that last, and by the damages since each onset: those that stay, then new ones.
+        stay : ndarray of int
+            Which of the onsets before stay, from 0.
         """
-        stay = np.r_[: self._loads, len(self._g) - kept * self._zones : len(self._g)]
-        new = (0, J.shape[1] - stay.size)
-        self._A = np.pad(self._A[np.ix_(stay, stay)], new) + J.T @ J
-        self._g = np.pad(self._g[stay], new) + J.T @ r
-        e, V = np.linalg.eigh(self._A)
-        seen = e > NEGLIGIBLE * e[-1]
-        self.freedom = max(1, int(seen.sum()) - self._loads)
-        of_all = V[:, seen].T @ self._g
-        part = slice(self._loads)
-        self.factors = np.asarray(np.linalg.solve(self._A[part, part], self._g[part]))
-        self.score = float(of_all**2 @ (1.0 / e[seen]) - self._of(part)) / self.freedom
+        p, z = self._p, self._z
+        rows = np.r_[:p, (p + z * stay[:, None] + np.arange(z)).ravel()]
+        new = (0, J.shape[1] - rows.size)
+        self._A = np.pad(self._A[np.ix_(rows, rows)], new) + J.T @ J
+        self._g = np.pad(self._g[rows], new) + J.T @ r
+        factor = scipy.linalg.cho_factor(self._A[:p, :p], lower=True)
+        self.lasting = scipy.linalg.cho_solve(factor, self._g[:p])
+        beside = self._A[:p, p:]
+        S = self._A[p:, p:] - beside.T @ scipy.linalg.cho_solve(factor, beside)
+        self._left = S, self._g[p:] - beside.T @ self.lasting
+        size, curvature = np.diag(S), np.diag(self._A)[p:]
+        seen = size > NEGLIGIBLE * curvature
+        self.scores = np.where(seen, self._left[1] ** 2 / np.where(seen, size, 1.0), 0.0).reshape(-1, z)
 
     def likeliest(self) -> int:
         """Return which onset explains most if all damage began there."""
-        firsts = range(self._loads, len(self._g), self._zones)
-        return int(np.argmax([self._of(slice(first, first + self._zones)) for first in firsts]))
+        S, g = self._left
+        parts = [slice(first, first + self._z) for first in range(0, g.size, self._z)]
+        return int(np.argmax([g[part] @ np.linalg.pinv(S[part, part], hermitian=True) @ g[part] for part in parts]))
 
-    def forget(self, factors: Vector) -> None:
-        """Forget all onsets; the factors of the loads are those that are given, and as certain as they are."""
-        self._A = self._A[: self._loads, : self._loads]
-        self._g = self._A @ factors
+    def recentre(self, moves: Vector) -> None:
+        """Count the first unknowns that last from a point that is moved, by what residuals have lost."""
+        self._g = self._g - self._A[:, : moves.size] @ moves
+        self.lasting = self.lasting - np.pad(moves, (0, self._p - moves.size))
 
-    def _of(self, part: slice) -> float:
-        g = self._g[part]
-        return float(g @ np.linalg.pinv(self._A[part, part], hermitian=True) @ g)
+    def forget(self, lasting: Vector) -> None:
+        """Forget all onsets; the unknowns that last are those that are given, and as certain as they are."""
+        self._A = self._A[: self._p, : self._p]
+        self._g = self._A @ lasting

@@ -30,18 +30,27 @@ class JudgedWindow:
     place : Place
         Where the simulation stood then.
     y : ndarray, shape (s, n)
-        Readings, less what loads add that are not as they are known; not a number where one is missing.
-    expected : ndarray, shape (s, n)
-        Readings of the twin without new damage.
+        Readings; not a number where one is missing.
     loads : mapping of str to ndarray of shape (n,)
         Inputs at the readings.
+    z : ndarray, shape (q,)
+        Where the twin stood among the unknowns that last: the first of them, those of the membrane and its loads.
+    lasting : ndarray, shape (p, s, n)
+        What a unit of each of these unknowns changes of the readings.
     """
 
     time: float
     place: Place
     y: Matrix
-    expected: Matrix
     loads: Mapping[str, Vector] = field(default_factory=dict)
+    z: Vector = field(default_factory=lambda: np.zeros(0))
+    lasting: Matrix = field(default_factory=lambda: np.zeros((0, 0, 0)))
+
+    def about(self, z: Vector, found: Vector) -> Matrix:
+        """Return the readings, shape (s, n), if what lasts were as found, shape (p,), but for the first at z, shape (q,)."""
+        off = found.copy()
+        off[: z.size] -= z
+        return np.asarray(self.y - np.tensordot(off, self.lasting, axes=1))
 
 
 class OnsetProblem(LeastSquares):
@@ -68,7 +77,6 @@ class OnsetProblem(LeastSquares):
     ) -> None:
         self._sensed, self._windows, self._sigma, self._before, self._h = sensed, windows, sigma, before, h
         y = np.concatenate([seen.y for seen in windows], axis=1)
-        self._starts = np.cumsum([0, *(seen.y.shape[1] for seen in windows[:-1])])
         self._present, self._length = np.isfinite(y), y.shape[1]
         self.y = weigh(y[None], self._present, sigma)[0]
         self.low, self.simulated = np.zeros(1 + before.size), 1 + before.size
@@ -78,20 +86,14 @@ class OnsetProblem(LeastSquares):
         self.steps = np.r_[1.0, np.full(before.size, DAMAGE_STEP)]
 
     def simulate(self, x: Matrix) -> tuple[Matrix, Place]:
-        """Return readings for rows of unknowns, shape (m, s, n), and the places where they end.
-
-        Windows that end before any onset are not simulated again.
-        """
-        first = int(np.searchsorted(self._starts, x[:, 0].min(), side="right")) - 1
-        steps = np.arange(self._starts[first] + 1, self._length + 1)
+        """Return readings for rows of unknowns, shape (m, s, n), and the places where they end."""
+        steps = np.arange(1, self._length + 1)
         share = np.clip(steps - x[:, :1], 0.0, 1.0)  # a step in which damage begins has a part of it
         damage = self._before + share[:, :, None] * (x[:, None, 1:] - self._before)
-        later = [seen.loads for seen in self._windows[first:]]
-        loads = {name: np.concatenate([each[name] for each in later]) for name in later[0]}
-        begin = self._windows[first].place.take(np.zeros(len(x), dtype=int))
-        readings, place = self._sensed.advance(begin, damage, loads, self._h)
-        expected = [np.repeat(seen.expected[None], len(x), axis=0) for seen in self._windows[:first]]
-        return np.concatenate([*expected, readings], axis=2), place
+        loads = {name: np.concatenate([seen.loads[name] for seen in self._windows]) for name in self._windows[0].loads}
+        begin = self._windows[0].place.take(np.zeros(len(x), dtype=int))
+        readings, _, place = self._sensed.advance(begin, damage, loads, self._h)
+        return readings, place
 
     def predict(self, x: Matrix) -> Matrix:
         """Simulate rows of unknowns, shape (m, 1 + z)."""
@@ -101,11 +103,11 @@ class OnsetProblem(LeastSquares):
         """Weigh readings, shape (m, s n)."""
         return weigh(predicted, self._present, self._sigma)
 
-    def first_guesses(self, earliest: float, latest: float) -> list[Vector]:
+    def first_guesses(self, earliest: float, latest: float, finer: int = 1) -> list[Vector]:
         """Return some onsets between two [steps], each with damages by one step of Newton's method, best first."""
-        zones = np.arange(self.low.size) > 0
-        onsets = np.linspace(earliest, latest, ONSETS, endpoint=False)
-        guesses = np.column_stack([onsets, np.repeat(self._before[None], ONSETS, axis=0)])
+        zones, count = np.arange(self.low.size) > 0, finer * ONSETS
+        onsets = np.linspace(earliest, latest, count, endpoint=False)
+        guesses = np.column_stack([onsets, np.repeat(self._before[None], count, axis=0)])
         for share in (SHARES, (1.0,)):
             trials = []
             for point in self.points(guesses):
@@ -114,7 +116,7 @@ class OnsetProblem(LeastSquares):
                 moves = [np.r_[0.0, part * d] for part in share]
                 trials += [np.clip(point.x + move, self.low, self.high) for move in moves]
             points = sorted(self.points(np.array(trials)), key=lambda point: point.chi2)
-            guesses = np.array([point.x for point in points[:BEST]])
+            guesses = np.array([point.x for point in points[: finer * BEST]])
         return list(guesses)
 
 

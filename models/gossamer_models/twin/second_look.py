@@ -23,12 +23,13 @@ from ..membrane.zones import Zone
 from ..mistakes import DescriptionError
 from ..variables import Variable
 from .forward import Forward, MembraneForward
-from .least_squares import MOST_DAMAGE
+from .least_squares import MOST_DAMAGE, change
 from .nuisances import DEGREE, spline_basis
 from .problem import RecordProblem
 from .reasons import WORTH
-from .search import Fit, again
+from .search import Fit, again, box
 from .weights import scale_evidence
+from .zone_sets import LIKELY, NEAR, drop_zones, price
 
 PARTS = 4  # of a zone
 WAYS = np.array([[1.0, 1.0, -1.0, -1.0], [1.0, -1.0, 1.0, -1.0], [1.0, -1.0, -1.0, 1.0]])  # from the mean of a zone's damage
@@ -143,8 +144,9 @@ class Parted:
     def look(self, fit: Fit, *, sparse: bool) -> tuple[Fit, list[str]]:
         """Return a fit that allows for what else explains its residuals, and sentences on that.
 
-        A cause is allowed for where its evidence is certain, and, of a fit that does not pass, half of what is left. Columns
-        are renewed at the damage that is fitted with them.
+        A cause is allowed for where its evidence is certain, and, of a fit that does not pass, half of what is left. Parts
+        of zones are allowed for too where with them fewer zones explain the record about as well. Columns are renewed at the
+        damage that is fitted with them.
         """
         own, causes, renewed = fit.problem, dict[str, Cause](), True
         if fit.per_sample > HOPELESS:
@@ -154,13 +156,20 @@ class Parted:
             unexplained = 0.0 if fit.passes else fit.point.chi2 - own.values
             found = likeliest(fit, {kind: rows for kind, rows in columns.items() if kind not in causes})
             new = [cause for cause in found if cause.gain > max(CERTAIN, WORTH * unexplained)]
-            if renewed and not new:
-                if "partial" in causes:
-                    fit = replace(fit, vague=VAGUE * np.maximum(fit.point.x[: own.zones], LEAST_PARTED))
-                return fit, [self._said(cause, fit) for cause in causes.values()]
             causes |= {cause.kind: cause for cause in new}
-            rows = [own.columns_as_read(cause.scale * columns[kind], fit.point.x) for kind, cause in causes.items()]
-            fit, renewed = again(fit, own.beside(np.concatenate(rows)), sparse=sparse), not new
+            rows = {kind: own.columns_as_read(cause.scale * columns[kind], fit.point.x) for kind, cause in causes.items()}
+            if new or not renewed:
+                fit, renewed = again(fit, own.beside(np.concatenate([*rows.values()])), sparse=sparse), not new
+                continue
+            if sparse and fit.passes and "partial" in {*columns} - {*causes}:
+                rows["partial"] = own.columns_as_read(columns["partial"], fit.point.x)
+                fewer = with_fewer_zones(fit, own.beside(np.concatenate([*rows.values()])))
+                if fewer is not None:
+                    fit, causes["partial"], renewed = fewer, Cause("partial", 0.0, 1.0), False
+                    continue
+            if "partial" in causes:
+                fit = replace(fit, vague=VAGUE * np.maximum(fit.point.x[: own.zones], LEAST_PARTED))
+            return fit, [self._said(cause, fit) for cause in causes.values()]
 
     def columns(self, problem: RecordProblem, x: Vector) -> dict[str, Matrix]:
         """Return what a unit of each cause changes of the strain [1] at unknowns, by kind, shape (k, s, n).
@@ -216,6 +225,19 @@ def parted(forward: Forward) -> Parted | None:
         return Parted(forward) if isinstance(forward, MembraneForward) else None
     except (DescriptionError, ParameterError):
         return None
+
+
+def with_fewer_zones(fit: Fit, allowing: RecordProblem) -> Fit | None:
+    """Return the fit of a problem that allows for more, where fewer zones explain the record about as well; else None."""
+    zones, x = allowing.zones, fit.point.x
+    (point,), everything = allowing.points(x[None]), np.ones(allowing.size, dtype=bool)
+    model = allowing.about(point, everything, allowing.derivatives(point, everything))
+    kept, move = drop_zones(model, limits := box(allowing, x))
+    promised = point.chi2 + change(model.A, model.g, move) + allowing.log_determinant + price(model, limits, kept)
+    if kept[:zones].sum() >= fit.kept[:zones].sum() or promised > fit.worth + NEAR:
+        return None
+    other = again(fit, allowing, sparse=True)
+    return other if other.kept[:zones].sum() < fit.kept[:zones].sum() and other.worth < fit.worth + LIKELY else None
 
 
 def likeliest(fit: Fit, columns: Mapping[str, Matrix]) -> list[Cause]:

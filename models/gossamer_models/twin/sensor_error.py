@@ -35,9 +35,11 @@ MISSED = 0.03  # by a model, of the range, if its identification did not test it
 BROAD = 3.0  # deviation of the logarithm of a scale
 SMALLEST, LARGEST = 1e-6, 1.0  # scale
 STEPS = 30  # of the search of the scales
+SPACING = 12  # samples between splines of what is left in a window
 TRIED = 60  # scales of a group, for its mean square
 TINY = 1e-12
 Shares: TypeAlias = tuple[float | None, ...]
+Memory: TypeAlias = tuple[Matrix, Matrix]  # of filters, shape (2 MEMORIES, s, 1), and of fronts, shape (s, plays)
 Weighing: TypeAlias = Mapping[int, Callable[[Matrix], Matrix]]
 
 
@@ -195,27 +197,17 @@ def mean_square_scales(F: Matrix, r: Vector, group: NDArray[np.int64], start: Ve
 
 def _features(bank: SensorBank, strain: Matrix, resistance: Matrix, h: float) -> dict[str, Matrix]:
     """Return the features of each group, shape (f, s, n) [ohm]: those of a group have the size of the range together."""
-    from scipy.signal import lfilter  # slow to import
-
     n = strain.shape[1]
     rise = bank.parameters["full_scale_resistance_change"][:, None]
     span = np.maximum(np.ptp(resistance, axis=1, keepdims=True), TINY * rise)
     u = (resistance - resistance.mean(axis=1, keepdims=True)) / span
     v = np.gradient(strain, h, axis=1)
-    powers = [u**p for p in range(POWERS + 1)]
     time = np.arange(1.0, n + 1.0)
     slow, fast = (spline_basis(time, float(n), max(4, min(count, n // 4))).T[:, None] for count in (DRIFTS, RESTS))
-    rates = [np.arcsinh(v / max(share * np.abs(v).max(), TINY)) for share in RATES]
-    constants = np.geomspace(10.0, max(20.0, n / 3.0), MEMORIES)
-    faded = [lfilter([h], [1.0, -np.exp(-1.0 / T)], np.maximum(sign * v, 0.0)) for T in constants for sign in (1.0, -1.0)]
-    half = np.array(PLAYS)
-    plays = np.moveaxis(fronts(u, 2.0 * half, half) - half, -1, 0)
+    powers = [u**p for p in range(POWERS + 1)]
     found = {
-        "shape": powers[1:],
+        **_lasting(u, v / max(np.abs(v).max(), TINY), np.geomspace(10.0, max(20.0, n / 3.0), MEMORIES))[0],
         "drift": [spline * power for spline in slow for power in powers],
-        "rate": [each for rate in rates for each in (rate, rate * u, np.abs(rate), np.abs(rate) * u)],
-        "memory": [each for faded_ in faded for each in (faded_, faded_ * u)],
-        "play": [each for play in plays for each in (play, play**2, play * u)],
         "rest": np.broadcast_to(fast, (len(fast), *u.shape)),
         "tables": _of_tables(bank, strain),
     }
@@ -223,6 +215,86 @@ def _features(bank: SensorBank, strain: Matrix, resistance: Matrix, h: float) ->
     for name, each in sized.items():
         sized[name] = each / np.sqrt(len(each) * (each**2).mean(axis=2, keepdims=True) + TINY**2) * span
     return {"offset": np.broadcast_to(rise, (1, *u.shape)), **sized}
+
+
+def _lasting(
+    u: Matrix, v: Matrix, constants: Vector, before: Memory | None = None
+) -> tuple[dict[str, list[Matrix]], Memory]:
+    """Return features of groups whose coefficients last, each (s, n), and what they remember at the end.
+
+    Parameters
+    ----------
+    u, v : ndarray, shape (s, n)
+        Resistance over its range, about 0, and rate of the strain over the largest [1].
+    constants : ndarray, shape (MEMORIES,)
+        Time constants of what fades [steps].
+    before : tuple or None
+        What they remember of earlier samples; None for nothing.
+    """
+    from scipy.signal import lfilter  # slow to import
+
+    half = np.array(PLAYS)
+    fading, fronts_before = before or (np.zeros((2 * MEMORIES, len(u), 1)), np.broadcast_to(half, (len(u), half.size)))
+    pairs = [(T, sign) for T in constants for sign in (1.0, -1.0)]
+    filtered = [
+        lfilter([1.0], [1.0, -np.exp(-1.0 / T)], np.maximum(sign * v, 0.0), zi=rest)
+        for (T, sign), rest in zip(pairs, fading, strict=True)
+    ]
+    rates = [np.arcsinh(v / share) for share in RATES]
+    moved = fronts(u, 2.0 * half, fronts_before)
+    found = {
+        "shape": [u**p for p in range(1, POWERS + 1)],
+        "rate": [each for rate in rates for each in (rate, rate * u, np.abs(rate), np.abs(rate) * u)],
+        "memory": [each for faded, _ in filtered for each in (faded, faded * u)],
+        "play": [each for play in np.moveaxis(moved - half, -1, 0) for each in (play, play**2, play * u)],
+    }
+    return found, (np.array([rest for _, rest in filtered]), moved[:, -1])
+
+
+class LastingError:
+    """The error of sensors that are read window by window, along what is predicted: with coefficients that last.
+
+    Of the groups that a record by itself is allowed, those that are a property of the sensor. Its offset is not one of them.
+
+    Parameters
+    ----------
+    strain, resistance : ndarray, shape (s, n)
+        What the sensors are predicted to feel [1] and read [ohm] in the first window, in whose ranges all is measured.
+    share : float
+        Deviation of what each group adds, as a share of this range [1].
+    """
+
+    def __init__(self, strain: Matrix, resistance: Matrix, share: float) -> None:
+        self._span = np.maximum(np.ptp(resistance, axis=1, keepdims=True), TINY)
+        self._middle = resistance.mean(axis=1, keepdims=True)
+        self._fastest = max(float(np.abs(np.gradient(strain, axis=1)).max()), TINY)
+        self._constants = np.geomspace(10.0, 2.0 * resistance.shape[1], MEMORIES)
+        self._before: Memory | None = None
+        first = self._features(strain, resistance, keep=False)
+        size = {name: np.sqrt(len(each) * (np.array(each) ** 2).mean(axis=2, keepdims=True)) for name, each in first.items()}
+        self._scale = np.concatenate([share * self._span / (each + TINY) for each in size.values()])
+
+    def along(self, strain: Matrix, resistance: Matrix) -> Matrix:
+        """Return the features [ohm] along the next window, shape (f, s, n), whose coefficients have the variance 1."""
+        self._samples = strain.shape[1]
+        return np.asarray(np.concatenate([*self._features(strain, resistance).values()]) * self._scale)
+
+    @property
+    def span(self) -> Vector:
+        """Range of the resistance in the first window [ohm], shape (s,)."""
+        return np.asarray(self._span[:, 0])
+
+    def rest(self, share: float) -> Matrix:
+        """Return splines along a window [ohm], shape (f, s, n), of a share of the range: what is left, anew in each."""
+        n = self._samples
+        splines = spline_basis(np.arange(1.0, n + 1.0), float(n), max(4, n // SPACING)).T[:, None]
+        return np.asarray(share * self._span * splines / np.sqrt((splines**2).sum(axis=0).mean()))
+
+    def _features(self, strain: Matrix, resistance: Matrix, *, keep: bool = True) -> dict[str, list[Matrix]]:
+        u, v = (resistance - self._middle) / self._span, np.gradient(strain, axis=1) / self._fastest
+        found, after = _lasting(u, v, self._constants, self._before)
+        self._before = after if keep else self._before
+        return found
 
 
 def _of_tables(bank: SensorBank, strain: Matrix) -> Matrix:

@@ -5,7 +5,7 @@ Symbols: ``s`` sensors, ``z`` zones, ``m`` cases, ``n`` samples, ``h`` step [s].
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -120,13 +120,23 @@ class Place:
 
     def moved(self, first: Place) -> Place:
         """Return all cases moved by the same, so that the first case stands at a place."""
+        return self._shifted(lambda rows, to: to - rows[0], first)
 
+    def moved_along(self, moves: Vector) -> Place:
+        """Return all cases moved along each of the cases after the first, by multiples of its distance from the first."""
+        return self._shifted(lambda rows, _: np.tensordot(moves, rows[1 : 1 + moves.size] - rows[0], axes=1), self)
+
+    def _shifted(self, by: Callable[[Matrix, Matrix], Matrix], to: Place) -> Place:
         def shifted(state: BatchState, to: BatchState) -> BatchState:
-            x = state.x.reshape(-1, *to.x.shape)
-            return replace(state, x=(x + (to.x - x[0])).reshape(state.x.shape))
+            moved = {}
+            for name in ("x", "values"):
+                rows, other = getattr(state, name), getattr(to, name)
+                cases = rows.reshape(len(self.membrane.x), -1)
+                moved[name] = (cases + by(cases, other.reshape(-1, cases.shape[1])[0])).reshape(rows.shape)
+            return replace(state, **moved)
 
-        sensors = None if self.sensors is None or first.sensors is None else shifted(self.sensors, first.sensors)
-        return Place(shifted(self.membrane, first.membrane), sensors)
+        sensors = None if self.sensors is None or to.sensors is None else shifted(self.sensors, to.sensors)
+        return Place(shifted(self.membrane, to.membrane), sensors)
 
     @staticmethod
     def joined(places: Sequence[Place]) -> Place:
@@ -205,7 +215,9 @@ class SensedForward:
         membrane, strain = self.forward.begin(damage, parameters)
         return Place(membrane, None if self.bank is None else self.bank.rest(strain, h))
 
-    def advance(self, place: Place, damage: Matrix, histories: Mapping[str, Matrix], h: float) -> tuple[Matrix, Place]:
+    def advance(
+        self, place: Place, damage: Matrix, histories: Mapping[str, Matrix], h: float
+    ) -> tuple[Matrix, Matrix, Place]:
         """Go on from the places of some cases with histories of damage.
 
         Parameters
@@ -222,12 +234,14 @@ class SensedForward:
         Returns
         -------
         ndarray, shape (m, s, n)
-            Strain [1] or resistance [ohm]; not a number where a case fails.
+            Strain [1] or resistance [ohm] that is read; not a number where a case fails.
+        ndarray, shape (m, s, n)
+            Strain [1].
         Place
             Where they end.
         """
         strain, membrane = self.forward.advance(place.membrane, damage, histories, h)
         if self.bank is None:
-            return strain, Place(membrane, None)
+            return strain, strain, Place(membrane, None)
         resistance, sensors = self.bank.read(strain, h, place.sensors)
-        return resistance, Place(membrane, sensors)
+        return resistance, strain, Place(membrane, sensors)

@@ -6,33 +6,41 @@ sensor removed; ``x`` onset [steps] and z damages [1] that are fitted after an a
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import chdtri
 
-from ..arrays import Rows, Vector
+from ..arrays import Matrix, Rows, Vector
 from ..errors import ConvergenceError, DataError, ParameterError
 from ..membrane import Structure
 from ..sensor import SensorArtifact
 from .evidence import Evidence
 from .forward import WORKERS, Forward, forward_of
 from .least_squares import MOST_DAMAGE, Minimum, Quadratic, descend
-from .onset import JudgedWindow, OnsetProblem, weigh
+from .nuisances import BEYOND, FACTORS, GAIN, Loads, Nuisances, possible
+from .onset import JudgedWindow, OnsetProblem
+from .sensor_error import LastingError
 from .simulation import Place, SensedForward
+from .weights import RecordWeights
 from .zone_sets import Box, drop_zones
 
-MEMORY = 3  # windows that are judged together
 BEGINNINGS = 2  # onsets in each window that the neighbours have
-NEIGHBOUR = 0.1  # damage of a neighbour
-LOAD, LOAD_DEVIATION, LOAD_STEP = "pressure_amplitude", 0.1, 0.01  # the load that is built in; a factor, and its step
-PRECISE = 1e-3  # of a factor
+OLDEST = 16  # windows since the oldest of them
+RECENT = 2  # windows all of whose onsets are kept
+NEIGHBOUR, MOVED = 0.1, 1e-3  # damage of a neighbour; an unknown that lasts of one, in units of its prior's deviation
+PRECISE = 1e-2  # of this deviation
+SETTLED = 3  # windows that the scale of the scores comes from
 SHIFTS = (-14.0, -7.0, 7.0, 14.0)  # of the best onset [steps]
 ROUNDS = 4
+FINER = (1, 4)  # onsets that are tried, while nothing explains the readings
 EXPLAINED = 2.0  # chi2 per sample up to which a finding explains the readings
+OFF, REST = 0.1, 0.003  # deviations of what a group of the error of a sensor adds, and of what is left: shares of its range
+ANY = 1e4  # of the noise: deviation of the offset of a sensor in a window
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,7 +81,7 @@ class Window:
     time : float
         End of the window [s].
     statistic : float
-        Score statistic over its mean without new damage: 1 on average, large if damage has begun.
+        Largest score of new damage in one zone, over what raises an alarm [1].
     alarm : bool
         Whether new damage is certain.
     misfit : float
@@ -123,14 +131,14 @@ class Watch:
 
     Notes
     -----
-    Neighbours of the twin are simulated beside it in lanes, from window to window: one with a little more of each load, and
-    one with damage in one zone for each of six onsets, two in each of the last three windows. A stiff film rings for many
-    periods after damage, and what it adds to a later window depends on when it began. ``Evidence`` sums what they explain of
-    the readings over these windows; a constant offset of a sensor does not count. Where the model is not exact, the score is
-    larger: it is divided by its mean over earlier windows, less the last three, at least 1, so that damage is seen before it
-    counts as usual. The first window never gives an alarm; it corrects the loads until their factors are within 0.1 %. One
-    window after an alarm, onset and damages are fitted to the windows since three before it; zones are dropped as in
-    ``Twin``. The watch then goes on from the damages found.
+    Neighbours of the twin are simulated beside it in lanes, from window to window: one moved along each nuisance of the
+    membrane and its loads, and one with damage in one zone for each of some onsets, two in each of the last two windows and
+    one in every second, fourth and eighth before, up to 16 windows. ``Evidence`` sums what they explain of the readings,
+    beside coefficients that last: a gain of each sensor, or the errors of ``LastingError``. A constant offset of a sensor
+    in a window does not count. After each window the twin moves to the nuisances that are likeliest then, as if it had begun
+    with them. Where the model is not exact, scores are larger: they are divided by their mean over the first three windows,
+    at least 1. The first window gives no alarm. One window after an alarm, onset and damages are fitted to the windows since
+    the likeliest onset; zones are dropped as in ``Twin``. The watch then goes on from the damages found.
     """
 
     def __init__(
@@ -156,12 +164,19 @@ class Watch:
             msg = f"need 0 < false_alarms < 1 and a positive step [s], not {false_alarms:g} and {step:g}"
             raise ParameterError(msg)
         self._damage, self._h = np.broadcast_to(np.asarray(damage, dtype=float), (zones,)).copy(), step
-        self._time, self._false_alarms = 0.0, false_alarms
-        self._place: Place | None = None  # of the twin, then its neighbours with other loads, then those with damage
-        self._factors: dict[str, float] = {}  # of the loads
-        self._rounds = 0  # how often they were corrected
-        self._onsets: list[float] = []  # of the neighbours with damage [s]
-        self._scores: list[float] = []  # of earlier windows
+        self._time, self._window, self._false_alarms = 0.0, 0, false_alarms
+        kinds = tuple(kind for kind in possible(forward.parameters, Loads()) if kind in FACTORS)
+        self._nuisances = Nuisances(kinds, forward.parameters, forward.inputs, sensors)
+        self._loads, self._z = (
+            tuple[str, ...](),
+            np.zeros(0),
+        )  # and where the twin stands among nuisances, then their factors
+        self._evidence: Evidence | None = None
+        self._place: Place | None = None  # of the twin, then its moved neighbours, then those with damage
+        self._error: LastingError | None = None
+        self._rounds = 0  # how often nuisances were corrected
+        self._onsets = np.zeros((0, 2))  # of the neighbours with damage: window, and time [s]
+        self._scores: list[float] = []  # means of the first windows
         self._before: list[JudgedWindow] = []
         self._suspected: float | None = None  # the likeliest onset of an alarm [s]
 
@@ -197,84 +212,126 @@ class Watch:
             raise DataError(msg)
         known, n = loads or {}, y.shape[1]
         place = self._place or self._begin(known)
-        loads = {name: self._factors[name] * load for name, load in known.items()}
-        kept = self._onsets[-(MEMORY - 1) * BEGINNINGS :]
+        loads = {name: factor * known[name] for name, factor in self._factors(self._z).items()}
+        stay = np.flatnonzero(self._kept())
         begins = np.arange(BEGINNINGS) * n // BEGINNINGS  # of new neighbours [steps]
-        self._onsets = [*kept, *(self._time + self._h * begins)]
-        common, cases = 1 + len(self._loads), 1 + len(self._loads) + zones * len(self._onsets)
-        count = len(place.membrane.x)
-        stay = np.r_[:common, count - zones * len(kept) : count]
-        place = place.take(np.pad(stay, (0, cases - stay.size)))  # new neighbours begin where the twin stands
+        new = np.column_stack([np.full(BEGINNINGS, self._window), self._time + self._h * begins])
+        self._onsets = np.vstack([self._onsets[stay], new])
+        common = 1 + len(self._z)
+        cases = common + zones * len(self._onsets)
+        old = np.r_[:common, (common + zones * stay[:, None] + np.arange(zones)).ravel()]
+        place = place.take(np.pad(old, (0, cases - old.size)))  # new neighbours begin where the twin stands
 
         signs = np.where(self._damage + NEIGHBOUR > MOST_DAMAGE, -NEIGHBOUR, NEIGHBOUR)
-        steps = np.r_[np.full(len(self._loads), LOAD_STEP), np.tile(signs, len(self._onsets))]
-        since = np.repeat(np.r_[np.zeros(len(kept)), begins], zones)
+        steps = np.r_[np.full(len(self._z), MOVED), np.tile(signs, len(self._onsets))]
+        since = np.repeat(np.r_[np.zeros(len(stay)), begins], zones)
         damage = np.broadcast_to(self._damage, (cases, n, zones)).copy()
         which = np.tile(np.diag(signs), (len(self._onsets), 1))
         damage[common:] += np.where(np.arange(n) >= since[:, None], 1.0, 0.0)[:, :, None] * which[:, None]
         histories = {name: np.repeat(load[None], cases, axis=0) for name, load in loads.items()}
-        for case, name in enumerate(self._loads, start=1):
-            if name in histories:
-                histories[name][case] *= 1.0 + LOAD_STEP
-        found, after = self._sensed.advance(place, damage, histories, self._h)
+        for case, z in enumerate(self._z + MOVED * np.eye(len(self._z)), start=1):
+            for name, factor in self._factors(z).items():
+                histories[name][case] = factor * known[name]
+        found, felt, after = self._sensed.advance(place, damage, histories, self._h)
         if not np.isfinite(found).all():
             msg = f"the twin's membrane failed after t = {self._time:.6g} s. Check its load, damage and parameters."
             raise ConvergenceError(msg)
 
         present, slopes = np.isfinite(y), (found[1:] - found[0]) / steps[:, None, None]
-        rows = weigh(np.concatenate([(y - found[0])[None], slopes]), present, self._sigma)
-        self._evidence.add(rows[0], rows[1:].T, len(kept))
-        factors, freedom = self._evidence.factors, self._evidence.freedom
-        if self._place is None and np.abs(factors).max(initial=0.0) > PRECISE and self._rounds < ROUNDS:
+        lasting = np.concatenate([slopes[: common - 1], self._of_sensors(felt[0], found[0])])
+        weigh = self._weights(present).weigh
+        rows = weigh(np.concatenate([np.where(present, y - found[0], 0.0)[None], lasting, slopes[common - 1 :]]))
+        self._evidence = self._evidence or Evidence(np.r_[-self._z, np.zeros(len(lasting) - len(self._z))], zones)
+        self._evidence.add(rows[0], rows[1:].T, stay)
+        moves = self._evidence.lasting[: common - 1]
+        if self._place is None and np.abs(moves).max(initial=0.0) > PRECISE and self._rounds < ROUNDS:
             self._rounds += 1
-            for name, move in zip(self._loads, factors, strict=True):
-                self._factors[name] *= 1.0 + float(np.clip(move, -LOAD_DEVIATION, LOAD_DEVIATION))
-            self._onsets = []
-            return self.advance(readings, known)  # the first window again, with better loads
-        threshold = float(chdtri(freedom, self._false_alarms)) / freedom
-        before = self._scores[: max(1, len(self._scores) - MEMORY)]
-        statistic = self._evidence.score / max(1.0, float(np.mean(before))) if before else 0.0
-        alarm = self._suspected is None and statistic > threshold
-        if not alarm and self._suspected is None:
-            self._trusted = factors  # damage would bend them
-        y = y - np.tensordot(self._trusted, slopes[: factors.size], axes=1)  # as if the loads were the twin's
-        misfit = float(np.sum(weigh((y - found[0])[None], present, self._sigma) ** 2)) / (present.sum() - sensors)
-        windows = self._before[-MEMORY:] if self._suspected is None else self._before
-        self._before = [*windows, JudgedWindow(self._time, place.take(np.zeros(1, dtype=int)), y, found[0], loads)]
+            self._z = np.clip(self._z + moves, -BEYOND, BEYOND)
+            self._onsets, self._evidence, self._error = self._onsets[:0], None, None
+            return self.advance(readings, known)  # the first window again, with better nuisances
+        threshold = float(chdtri(1.0, self._false_alarms / self._evidence.scores.size))
+        statistic = float(self._evidence.scores.max()) / max(1.0, *self._scores) / threshold if self._scores else 0.0
+        alarm = self._suspected is None and statistic > 1.0
+        if self._suspected is None and not alarm:  # damage would bend it
+            self._found = np.pad(self._z, (0, len(lasting) - len(self._z))) + self._evidence.lasting
+        judged = JudgedWindow(self._time, place.take(np.zeros(1, dtype=int)), y, loads, self._z, lasting)
+        off = weigh(np.where(present, judged.about(self._z, self._found) - found[0], 0.0)[None])
+        misfit = float(np.sum(off**2)) / (present.sum() - sensors)
+        self._before = [*self._before[-OLDEST:], judged]
         self._time += n * self._h
-        self._place, finding = after, None
+        self._place, self._window, finding = after, self._window + 1, None
         if self._suspected is not None:
             finding = self._find(self._suspected)
         elif alarm:
-            self._suspected = self._onsets[self._evidence.likeliest()]
+            self._suspected = float(self._onsets[self._evidence.likeliest(), 1])
         else:
-            self._scores.append(self._evidence.score)
+            self._scores += [float(self._evidence.scores.mean())] * (len(self._scores) < SETTLED)
+            self._z, self._place = self._z + moves, after.moved_along(moves / MOVED)
+            self._evidence.recentre(moves)
         return Window(time=self._time, statistic=statistic, alarm=alarm, misfit=misfit, finding=finding)
 
+    def _kept(self) -> Rows:
+        """Tell which onsets are kept: all of the last windows, and the first of one in 2, 4, 8 earlier ones."""
+        window = self._onsets[:, 0].astype(int)
+        age, first = self._window - window, np.diff(window, prepend=-1) > 0
+        longest = np.where(window > 0, 2 * (window & -window), OLDEST)  # twice the largest power of 2 that divides it
+        return np.asarray((age < RECENT) | (first & (age < np.minimum(longest, OLDEST))))
+
+    def _factors(self, z: Vector) -> dict[str, float]:
+        """Return the factors of the loads that are known."""
+        of_loads = z[len(self._nuisances.simulated) :].tolist()
+        return {name: math.exp(FACTORS["amplitude"][1] * at) for name, at in zip(self._loads, of_loads, strict=True)}
+
+    def _of_sensors(self, strain: Matrix, reading: Matrix) -> Matrix:
+        """Return what the sensors may be off along a prediction, shape (k, s, n): a gain, or the errors of resistance."""
+        if self._sensed.bank is None:
+            each = GAIN * reading[None]
+        else:
+            self._error = self._error or LastingError(strain, reading, OFF)
+            each = self._error.along(strain, reading)
+        return (each[:, None] * np.eye(len(reading))[:, :, None]).reshape(-1, *reading.shape)
+
+    def _weights(self, present: Rows) -> RecordWeights:
+        """Return what a window is weighed by: noise, any offset, and what the errors of the sensors leave."""
+        offset = np.broadcast_to(ANY * self._sigma[:, None], (1, *present.shape))
+        own = offset if self._error is None else np.concatenate([offset, self._error.rest(REST)])
+        return RecordWeights(present, self._sigma, np.zeros((0, *present.shape)), own=own)
+
     def _begin(self, loads: Mapping[str, Vector]) -> Place:
-        """Return where the twin rests, and its neighbours with a little more of each load."""
+        """Return where the twin rests, and its neighbours that are moved along each nuisance."""
         forward = self._sensed.forward
-        known = {**forward.parameters, **forward.inputs}
-        self._loads = [*([LOAD] if known.get(LOAD) else []), *loads]
-        self._factors = self._factors or dict.fromkeys(self._loads, 1.0)
-        self._evidence = Evidence(len(self._loads), len(self.zones), LOAD_DEVIATION)
-        begin = {name: factor * known[name] for name, factor in self._factors.items()}
-        more = [begin, *({**begin, name: (1.0 + LOAD_STEP) * begin[name]} for name in self._loads)]
-        return Place.joined([self._sensed.begin(self._damage, each, self._h) for each in more])
+        self._loads = tuple(loads)
+        simulated = len(self._nuisances.simulated)
+        if not self._rounds:
+            self._z, self._evidence = np.zeros(simulated + len(loads)), None
+        places = []
+        for z in (self._z, *(self._z + MOVED * np.eye(len(self._z)))):
+            given = {name: float(value[0]) for name, value in self._nuisances.moved(z[None, :simulated]).items()}
+            given |= {name: factor * forward.inputs[name] for name, factor in self._factors(z).items()}
+            places.append(self._sensed.begin(self._damage, given, self._h))
+        return Place.joined(places)
 
     def _find(self, suspected: float) -> DamageOnset:
-        """Fit onset and damages to the windows since the one before the alarm, and go on from there."""
-        problem = OnsetProblem(self._sensed, self._before, self._sigma, self._damage, self._h)
+        """Fit onset and damages to the windows since the one before the likeliest onset, and go on from there."""
+        length = self._h * self._before[-1].y.shape[1]
+        self._before = [seen for seen in self._before if seen.time > suspected - 2.0 * length] or self._before[-1:]
+        z = self._before[0].z
+        windows = [replace(seen, y=seen.about(z, self._found)) for seen in self._before]
+        sigma = self._sigma if self._error is None else np.hypot(self._sigma, REST * self._error.span)
+        problem = OnsetProblem(self._sensed, windows, sigma, self._damage, self._h)
         whole = np.ones(problem.low.size, dtype=bool)
         near = (suspected - self._before[0].time) / self._h
         n = self._before[-1].y.shape[1]
-        found = _deepest(problem, problem.first_guesses(max(0.0, near - n), near + n), whole)
-        for _ in range(ROUNDS):  # chi2 has a valley for each period of the stiffer waves
-            beside = [found.point.x + shift * np.eye(whole.size)[0] for shift in SHIFTS]
-            better = _deepest(problem, beside, whole, most=4)
-            if better.point.chi2 >= found.point.chi2:
+        for finer in FINER:
+            found = _deepest(problem, problem.first_guesses(max(0.0, near - n), near + n, finer), whole)
+            for _ in range(ROUNDS):  # chi2 has a valley for each period of the stiffer waves
+                beside = [found.point.x + shift * np.eye(whole.size)[0] for shift in SHIFTS]
+                better = _deepest(problem, beside, whole, most=4)
+                if better.point.chi2 >= found.point.chi2:
+                    break
+                found = better
+            if found.point.chi2 <= EXPLAINED * problem.values:
                 break
-            found = better
         relative = Quadratic(A=found.model.A, g=found.model.g, at=found.model.at - np.r_[0.0, self._damage])
         box = Box(zones=np.arange(whole.size) > 0, low=problem.low - found.model.at, high=problem.high - found.model.at)
         stays, move = drop_zones(relative, box)
@@ -282,11 +339,13 @@ class Watch:
         deviation = np.zeros(whole.size)
         deviation[stays] = np.sqrt(np.diag(np.linalg.pinv(found.model.A, hermitian=True)))
         assert self._place is not None  # since windows were judged
-        self._place = self._place.take(np.arange(1 + len(self._loads))).moved(problem.simulate(found.point.x[None])[1])
+        lasting = self._place.take(np.arange(1 + len(self._z))).moved(problem.simulate(found.point.x[None])[1])
+        self._place = lasting.moved_along((self._z - z) / MOVED)
         self._damage = found.point.x[1:].copy()
         onset = self._before[0].time + self._h * float(found.point.x[0])
-        self._suspected, self._before, self._onsets = None, [], []
-        self._evidence.forget(self._trusted)
+        assert self._evidence is not None
+        self._suspected, self._before, self._onsets, self._scores = None, [], self._onsets[:0], []
+        self._evidence.forget(self._found - np.pad(self._z, (0, self._found.size - self._z.size)))
         return DamageOnset(
             zones=self.zones,
             onset=onset,

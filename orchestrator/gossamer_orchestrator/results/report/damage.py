@@ -273,7 +273,7 @@ def doubt_charts(judged: DamageHistory) -> list[Chart]:
         named = (("chi2 per sample", "misfit", "@0"), ("score of new damage", "score", "@1"))
         time = np.array(watch["time"])
         traces = [_line(name, time, np.array(watch[key], dtype=float), color) for name, key, color in named]
-        note = f"At the end of each of its windows. {EXPLAINED} The score of new damage is over its mean."
+        note = f"At the end of each of its windows. {EXPLAINED} A score of new damage above 1 is an alarm."
         layout = {"yaxis": {"type": "log"}}
         charts.append(over_time("Misfit of the digital twin", "[1]", traces, note=note, marks=_alarms(watch), layout=layout))
     return charts + _indices(judged)
