@@ -3,8 +3,9 @@
 ``python -m studies.watch [RECORDS] [WORLD ...]`` from the folder ``docs`` prints a line for each world, or some. Records
 last 24 first periods of the structure, a window for each period, and begin undamaged; after 12 windows one zone is
 damaged at once or in a ramp, so deeply as the world says. ``healthy, `` before any world leaves damage out and counts
-alarms. An alarm counts if it comes after damage has begun. The square is bilinear; its records of resistance are those of ``sensor_error``:
-noise of 0.1 % of the range, sensors whose tables are perturbed until they read 5 % of their range wrong, beside an offset.
+alarms. An alarm counts if it comes after damage has begun. The square is bilinear; its records of resistance are those of
+``sensor_error``: noise of 0.1 % of the range, sensors whose tables are perturbed until they read 5 % of their range wrong,
+beside an offset.
 """
 
 from __future__ import annotations

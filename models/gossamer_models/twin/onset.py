@@ -10,9 +10,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..arrays import Matrix, Rows, Vector
+from ..arrays import Matrix, Vector
 from .least_squares import DAMAGE_STEP, MOST_DAMAGE, LeastSquares, bounded_minimum
 from .simulation import Place, SensedForward
+from .weights import RecordWeights
 
 ONSETS = 16  # onsets tried
 SHARES = (0.4, 0.7, 1.0)  # of a step of Newton's method
@@ -64,8 +65,8 @@ class OnsetProblem(LeastSquares):
         Simulation.
     windows : sequence of JudgedWindow
         Windows one after the other.
-    sigma : ndarray, shape (s,)
-        Noise.
+    weights : RecordWeights
+        What they are weighed by.
     before : ndarray, shape (z,)
         Damage until the onset [1].
     h : float
@@ -73,15 +74,15 @@ class OnsetProblem(LeastSquares):
     """
 
     def __init__(
-        self, sensed: SensedForward, windows: Sequence[JudgedWindow], sigma: Vector, before: Vector, h: float
+        self, sensed: SensedForward, windows: Sequence[JudgedWindow], weights: RecordWeights, before: Vector, h: float
     ) -> None:
-        self._sensed, self._windows, self._sigma, self._before, self._h = sensed, windows, sigma, before, h
+        self._sensed, self._windows, self._weights, self._before, self._h = sensed, windows, weights, before, h
         y = np.concatenate([seen.y for seen in windows], axis=1)
-        self._present, self._length = np.isfinite(y), y.shape[1]
-        self.y = weigh(y[None], self._present, sigma)[0]
+        self._length = y.shape[1]
+        self.y = weights.weigh(np.nan_to_num(y)[None])[0]
         self.low, self.simulated = np.zeros(1 + before.size), 1 + before.size
         self.high = np.r_[y.shape[1] - 1.0, np.full(before.size, MOST_DAMAGE)]
-        self.values = int(self._present.sum()) - len(y)
+        self.values = weights.values - len(y)
         self.prior = np.r_[float(self._length) ** -2, np.ones(before.size)]  # weak: any time, any damage
         self.steps = np.r_[1.0, np.full(before.size, DAMAGE_STEP)]
 
@@ -100,8 +101,8 @@ class OnsetProblem(LeastSquares):
         return self.simulate(x)[0]
 
     def weigh(self, predicted: Matrix, x: Matrix) -> Matrix:  # noqa: ARG002
-        """Weigh readings, shape (m, s n)."""
-        return weigh(predicted, self._present, self._sigma)
+        """Weigh readings, shape (m, values)."""
+        return self._weights.weigh(predicted)
 
     def first_guesses(self, earliest: float, latest: float, finer: int = 1) -> list[Vector]:
         """Return some onsets between two [steps], each with damages by one step of Newton's method, best first."""
@@ -118,10 +119,3 @@ class OnsetProblem(LeastSquares):
             points = sorted(self.points(np.array(trials)), key=lambda point: point.chi2)
             guesses = np.array([point.x for point in points[: finer * BEST]])
         return list(guesses)
-
-
-def weigh(rows: Matrix, present: Rows, sigma: Vector) -> Matrix:
-    """Remove the mean of each sensor from rows, shape (m, s, n), and divide by the noise, shape (m, s n)."""
-    count = np.maximum(present.sum(axis=1), 1)
-    mean = np.where(present, rows, 0.0).sum(axis=2) / count
-    return np.asarray((np.where(present, rows - mean[:, :, None], 0.0) / sigma[:, None]).reshape(len(rows), -1))

@@ -276,17 +276,10 @@ class LastingError:
 
     def along(self, strain: Matrix, resistance: Matrix) -> Matrix:
         """Return the features [ohm] along the next window, shape (f, s, n), whose coefficients have the variance 1."""
-        self._samples = strain.shape[1]
         return np.asarray(np.concatenate([*self._features(strain, resistance).values()]) * self._scale)
 
-    @property
-    def span(self) -> Vector:
-        """Range of the resistance in the first window [ohm], shape (s,)."""
-        return np.asarray(self._span[:, 0])
-
-    def rest(self, share: float) -> Matrix:
+    def rest(self, share: float, n: int) -> Matrix:
         """Return splines along a window [ohm], shape (f, s, n), of a share of the range: what is left, anew in each."""
-        n = self._samples
         splines = spline_basis(np.arange(1.0, n + 1.0), float(n), max(4, n // SPACING)).T[:, None]
         return np.asarray(share * self._span * splines / np.sqrt((splines**2).sum(axis=0).mean()))
 

@@ -291,11 +291,20 @@ class Watch:
             each = self._error.along(strain, reading)
         return (each[:, None] * np.eye(len(reading))[:, :, None]).reshape(-1, *reading.shape)
 
-    def _weights(self, present: Rows) -> RecordWeights:
-        """Return what a window is weighed by: noise, any offset, and what the errors of the sensors leave."""
-        offset = np.broadcast_to(ANY * self._sigma[:, None], (1, *present.shape))
-        own = offset if self._error is None else np.concatenate([offset, self._error.rest(REST)])
-        return RecordWeights(present, self._sigma, np.zeros((0, *present.shape)), own=own)
+    def _weights(self, *present: Rows) -> RecordWeights:
+        """Return what windows are weighed by: noise, any offset, and what the errors of sensors leave in each of them."""
+        whole = np.concatenate(present, axis=1)
+        offset = np.broadcast_to(ANY * self._sigma[:, None], (1, *whole.shape))
+        if self._error is None:
+            return RecordWeights(whole, self._sigma, offset[:0], own=offset)
+        own, first = list[Matrix](), 0
+        for n in (each.shape[1] for each in present):
+            rest = self._error.rest(REST, n)
+            own.append(
+                np.pad(np.concatenate([offset[:, :, :n], rest]), ((0, 0), (0, 0), (first, whole.shape[1] - first - n)))
+            )
+            first += n
+        return RecordWeights(whole, self._sigma, offset[:0], own=np.concatenate(own))
 
     def _begin(self, loads: Mapping[str, Vector]) -> Place:
         """Return where the twin rests, and its neighbours that are moved along each nuisance."""
@@ -317,8 +326,8 @@ class Watch:
         self._before = [seen for seen in self._before if seen.time > suspected - 2.0 * length] or self._before[-1:]
         z = self._before[0].z
         windows = [replace(seen, y=seen.about(z, self._found)) for seen in self._before]
-        sigma = self._sigma if self._error is None else np.hypot(self._sigma, REST * self._error.span)
-        problem = OnsetProblem(self._sensed, windows, sigma, self._damage, self._h)
+        weights = self._weights(*(np.isfinite(seen.y) for seen in windows))
+        problem = OnsetProblem(self._sensed, windows, weights, self._damage, self._h)
         whole = np.ones(problem.low.size, dtype=bool)
         near = (suspected - self._before[0].time) / self._h
         n = self._before[-1].y.shape[1]
