@@ -1,7 +1,12 @@
 """A second look at a fit: its columns are those of the structure, and what they explain is said."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from gossamer_models.assessment.conditions import chosen, conditions, finer, plan_of_square
+from gossamer_models.assessment.records import make_records
+from gossamer_models.campaign import Distribution, MeasurementNoise
 from gossamer_models.membrane import square_structure
 from gossamer_models.membrane.gauges import gauge, stacked
 from gossamer_models.twin import MembraneForward, ResponseRecord, Twin
@@ -73,6 +78,18 @@ def test_damage_that_does_not_fill_its_zones_is_said_to_be_partial(parted):
     assert any("does not fill" in doubt for doubt in answer.doubts)
     error = np.abs(answer.damage - parts.mean(axis=1))
     assert not (answer.valid and (answer.determined & (error > 0.05) & (error > 3.0 * answer.deviation)).any())
+
+
+def test_a_hole_in_one_zone_is_not_answered_as_many_damaged_zones(tmp_path):
+    """The record of the assessment that five whole zones explain as well as one in which a quarter has lost 90 %."""
+    plan = replace(plan_of_square(), noise=MeasurementNoise(strain=Distribution(normal=5.8e-3)))
+    (condition,) = chosen(conditions(plan, finer(plan.membrane), 1), ["hole in a zone"])
+    records = make_records(condition, tmp_path)
+    answer = Twin().fit(ResponseRecord(step=records.step, values=records.strain[0]))
+    assert answer.valid
+    assert np.flatnonzero(answer.damage).tolist() == np.flatnonzero(records.damage[0]).tolist()
+    assert not answer.determined[answer.damage > 0.0].any()
+    assert any(doubt.startswith("partial") for doubt in answer.doubts)
 
 
 def test_a_right_record_gets_no_second_explanation(forward):

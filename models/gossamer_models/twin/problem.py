@@ -81,7 +81,7 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         self.steps[: self.zones] = SMALL_STEP
         self.sensed, self.record = sensed, record
         self._zero, self._scale = sensed.scale(record.kind)
-        self.simulations, self._report, self._counting = 0, report, Lock()
+        self._made, self._report, self._counting = [0], report, Lock()  # simulations, those of all copies together
         self._known: dict[bytes, tuple[Matrix, Matrix]] = {}
         self.noise, self._splines, self.sensor_error = noise, None, None
         self.added: Added | None = None
@@ -179,6 +179,11 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         parts = [self.components, self._causes] + ([] if unknown is None else [unknown])
         components = np.concatenate(parts)
         return {k: self._weights_of(present & (sensors == k)[:, None], components).weigh for k in self.record.sensors}
+
+    @property
+    def simulations(self) -> int:
+        """How many cases were simulated for this problem, and for those with other errors of the record."""
+        return self._made[0]
 
     @property
     def in_time(self) -> bool:
@@ -285,7 +290,7 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         record = self.record
         with self._counting:
             self._report(record.samples * record.step, self.simulations)
-            self.simulations += len(x)
+            self._made[0] += len(x)
         if isinstance(record, StaticRecord):
             strain = self.histories(x, record.states, 0.0)[:, :, record.state]
         else:
