@@ -49,8 +49,8 @@ class World:
         By how much the load is off, up or down, and the deviation of the gains of sensors [1].
     sensors : float or None
         How far sensors are off their model, as a share of their range [1]; None for records of strain.
-    structure : callable
-        Gives the structure.
+    structure, truth : callable
+        Give the structure of the watch, and that of the records if it is another one.
     step : float
         Sampling step [s].
     """
@@ -62,6 +62,7 @@ class World:
     gain: float = 0.0
     sensors: float | None = None
     structure: Callable[[], Structure] = lambda: square_structure(*BILINEAR)
+    truth: Callable[[], Structure] | None = None
     step: float = 3e-4
 
 
@@ -72,6 +73,7 @@ WORLDS = {
     "gains": World((0.1, 0.1), gain=0.05),
     "sensors": World((0.02, 0.02), load=0.03, sensors=0.05),
     "sensors, ramp": World((0.1, 0.1), load=0.03, sensors=0.05, ramp=6.0),
+    "mesh": World((0.3, 0.3), THESIS, truth=lambda: square_structure(2 * BILINEAR[0], BILINEAR[1])),
     "drum": World((0.2, 0.5), 1e-4, load=0.03, structure=lambda: shipped("drum"), step=2.5e-4),
     "dish": World((0.2, 0.5), 1e-4, load=0.03, structure=lambda: shipped("reflector"), step=2.5e-4),
 }
@@ -81,7 +83,7 @@ def judge(name: str, count: int) -> str:
     """Watch all records of a world; return its line."""
     world, healthy = WORLDS[name.removeprefix(HEALTHY)], name.startswith(HEALTHY)
     random, structure = np.random.default_rng(5), world.structure()
-    forward = MembraneForward(structure)
+    forward = MembraneForward(structure if world.truth is None else world.truth())
     samples, zones, sensors = round(forward.period / world.step), structure.n_zones, structure.n_sensors
     late, missed, false, wrong, answers, shift, seconds = list[float](), 0, 0, 0, 0, list[float](), 0.0
     for k in range(count):

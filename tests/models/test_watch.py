@@ -142,6 +142,8 @@ def test_neighbours_are_fewer_the_older_they_are():
 def test_missing_readings_are_left_out():
     readings = noisy(strains(0.2104, 6, 0.3), 7)
     readings[2, ::5] = np.nan
+    readings[1, 2 * SAMPLES - 30 :] = np.nan  # for good
+    readings[:, 2 * SAMPLES : 3 * SAMPLES] = np.nan
     (finding,) = (window.finding for window in windows(Watch(NOISE, SQUARE), readings) if window.finding)
     assert finding.damage == pytest.approx(0.3 * np.eye(16)[5], abs=0.03)
 

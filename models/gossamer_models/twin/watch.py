@@ -256,7 +256,7 @@ class Watch:
             self._found = np.pad(self._z, (0, len(lasting) - len(self._z))) + self._evidence.lasting
         judged = JudgedWindow(self._time, place.take(np.zeros(1, dtype=int)), y, loads, self._z, lasting)
         off = weigh(np.where(present, judged.about(self._z, self._found) - found[0], 0.0)[None])
-        misfit = float(np.sum(off**2)) / (present.sum() - sensors)
+        misfit = float(np.sum(off**2)) / max(1, present.sum() - present.any(axis=1).sum())
         self._before = [*self._before[-OLDEST:], judged]
         self._time += n * self._h
         self._place, self._window, finding = after, self._window + 1, None
