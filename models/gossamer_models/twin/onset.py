@@ -104,11 +104,11 @@ class OnsetProblem(LeastSquares):
         """Weigh readings, shape (m, values)."""
         return self._weights.weigh(predicted)
 
-    def first_guesses(self, earliest: float, latest: float, finer: int = 1) -> list[Vector]:
+    def first_guesses(self, earliest: float, latest: float) -> list[Vector]:
         """Return some onsets between two [steps], each with damages by one step of Newton's method, best first."""
-        zones, count = np.arange(self.low.size) > 0, finer * ONSETS
-        onsets = np.linspace(earliest, latest, count, endpoint=False)
-        guesses = np.column_stack([onsets, np.repeat(self._before[None], count, axis=0)])
+        zones = np.arange(self.low.size) > 0
+        onsets = np.linspace(earliest, latest, ONSETS, endpoint=False)
+        guesses = np.column_stack([onsets, np.repeat(self._before[None], ONSETS, axis=0)])
         for share in (SHARES, (1.0,)):
             trials = []
             for point in self.points(guesses):
@@ -117,5 +117,5 @@ class OnsetProblem(LeastSquares):
                 moves = [np.r_[0.0, part * d] for part in share]
                 trials += [np.clip(point.x + move, self.low, self.high) for move in moves]
             points = sorted(self.points(np.array(trials)), key=lambda point: point.chi2)
-            guesses = np.array([point.x for point in points[: finer * BEST]])
+            guesses = np.array([point.x for point in points[:BEST]])
         return list(guesses)

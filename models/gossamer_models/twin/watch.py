@@ -37,7 +37,6 @@ PRECISE = 1e-2  # of this deviation
 SETTLED = 3  # windows that the scale of the scores comes from
 SHIFTS = (-14.0, -7.0, 7.0, 14.0)  # of the best onset [steps]
 ROUNDS = 4
-FINER = (1, 4)  # onsets that are tried, while nothing explains the readings
 EXPLAINED = 2.0  # chi2 per sample up to which a finding explains the readings
 OFF, REST = 0.1, 0.003  # deviations of what a group of the error of a sensor adds, and of what is left: shares of its range
 ANY = 1e4  # of the noise: deviation of the offset of a sensor in a window
@@ -331,16 +330,13 @@ class Watch:
         whole = np.ones(problem.low.size, dtype=bool)
         near = (suspected - self._before[0].time) / self._h
         n = self._before[-1].y.shape[1]
-        for finer in FINER:
-            found = _deepest(problem, problem.first_guesses(max(0.0, near - n), near + n, finer), whole)
-            for _ in range(ROUNDS):  # chi2 has a valley for each period of the stiffer waves
-                beside = [found.point.x + shift * np.eye(whole.size)[0] for shift in SHIFTS]
-                better = _deepest(problem, beside, whole, most=4)
-                if better.point.chi2 >= found.point.chi2:
-                    break
-                found = better
-            if found.point.chi2 <= EXPLAINED * problem.values:
+        found = _deepest(problem, problem.first_guesses(max(0.0, near - n), near + n), whole)
+        for _ in range(ROUNDS):  # chi2 has a valley for each period of the stiffer waves
+            beside = [found.point.x + shift * np.eye(whole.size)[0] for shift in SHIFTS]
+            better = _deepest(problem, beside, whole, most=4)
+            if better.point.chi2 >= found.point.chi2:
                 break
+            found = better
         relative = Quadratic(A=found.model.A, g=found.model.g, at=found.model.at - np.r_[0.0, self._damage])
         box = Box(zones=np.arange(whole.size) > 0, low=problem.low - found.model.at, high=problem.high - found.model.at)
         stays, move = drop_zones(relative, box)
