@@ -28,7 +28,7 @@ from .twin import BILINEAR
 
 Array = NDArray[np.float64]
 BEFORE, WINDOWS = 12, 24  # windows without damage, and in all
-EXPLAINED = 3.0  # deviations by which an answer may be off
+WRONG, EXPLAINED = 0.05, 3.0  # damage [1], and deviations, by which an answer may be off
 HEALTHY = "healthy, "
 THESIS = 5.8e-3  # deviation of the noise of strain
 
@@ -113,13 +113,12 @@ def judge(name: str, count: int) -> str:
         after = [moment - onset for moment in alarms if moment > onset]
         missed += not after
         late += after[:1]
-        for found in (window.finding for window in judged if window.finding and window.finding.valid):
-            truth = depth * np.eye(zones)[zone] * (0.0 if world.ramp else 1.0)  # of a ramp no answer is known
-            off = np.abs(found.damage - truth)
-            if not world.ramp:
-                answers += 1
-                wrong += bool(((off > 0.05) & (off > EXPLAINED * found.deviation)).any())
-                shift.append(abs(found.onset - onset) / (samples * world.step))
+        findings = [window.finding for window in judged if window.finding and window.finding.valid]
+        for found in findings if not world.ramp else ():  # of a ramp no answer is known
+            off = np.abs(found.damage - depth * np.eye(zones)[zone])
+            answers += 1
+            wrong += bool(((off > WRONG) & (off > EXPLAINED * found.deviation)).any())
+            shift.append(abs(found.onset - onset) / (samples * world.step))
     line = f"{false} false alarms in {count * (WINDOWS if healthy else BEFORE)} healthy windows, "
     if not healthy:
         delay = f"{1e3 * float(np.median(late)):.0f}" if late else "-"

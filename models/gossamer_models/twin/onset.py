@@ -6,7 +6,7 @@ Symbols: ``s`` sensors, ``z`` zones; ``y`` readings; ``x`` onset [steps] and z d
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -43,15 +43,18 @@ class JudgedWindow:
     time: float
     place: Place
     y: Matrix
-    loads: Mapping[str, Vector] = field(default_factory=dict)
-    z: Vector = field(default_factory=lambda: np.zeros(0))
-    lasting: Matrix = field(default_factory=lambda: np.zeros((0, 0, 0)))
+    loads: Mapping[str, Vector]
+    z: Vector
+    lasting: Matrix
 
     def about(self, z: Vector, found: Vector) -> Matrix:
         """Return the readings, shape (s, n), if what lasts were as found, shape (p,), but for the first at z, shape (q,)."""
-        off = found.copy()
-        off[: z.size] -= z
-        return np.asarray(self.y - np.tensordot(off, self.lasting, axes=1))
+        return np.asarray(self.y - np.tensordot(counted_from(z, found), self.lasting, axes=1))
+
+
+def counted_from(z: Vector, found: Vector) -> Vector:
+    """Return unknowns that last, shape (p,), the first of them counted from z, shape (q,)."""
+    return np.asarray(np.r_[found[: z.size] - z, found[z.size :]])
 
 
 class OnsetProblem(LeastSquares):

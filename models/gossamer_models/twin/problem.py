@@ -162,10 +162,8 @@ class RecordProblem(DamageUnknowns, LeastSquares):
 
     def alone(self, sensor: int, noise: float, follows: float, beside: Matrix) -> RecordWeights:
         """Return weights of one sensor, shape (m, 1, n), under another noise and beside more components, shape (k, s, n)."""
-        parts = [self.components, self._causes, beside] + (
-            [] if self.sensor_error is None else [self.sensor_error.components]
-        )
-        row, found = [sensor], np.concatenate(parts)[:, [sensor]]
+        own = [] if self.sensor_error is None else [self.sensor_error.components]
+        row, found = [sensor], np.concatenate([self._common, beside, *own])[:, [sensor]]
         moving = found.any(axis=(1, 2))
         return RecordWeights(self.record.present[row], np.array([noise]), found[moving], self._splines, follows=follows)
 
@@ -176,8 +174,7 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         errors would otherwise lack what the unknowns have taken from them.
         """
         sensors, present = np.arange(len(self.record.values)), self.record.present
-        parts = [self.components, self._causes] + ([] if unknown is None else [unknown])
-        components = np.concatenate(parts)
+        components = self._common if unknown is None else np.concatenate([self._common, unknown])
         return {k: self._weights_of(present & (sensors == k)[:, None], components).weigh for k in self.record.sensors}
 
     @property
@@ -200,6 +197,11 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         """Of the covariance of the record beside the nuisances that are fitted, in units of the noise's."""
         return self._weights.log_determinant
 
+    @property
+    def _common(self) -> Matrix:
+        """Components that all sensors share: of the error of the mesh, and of causes beside it."""
+        return np.concatenate([self.components, self._causes])
+
     def _with(self, **changes: object) -> RecordProblem:
         """Return the problem with other attributes, weighed anew."""
         found = copy(self)
@@ -209,7 +211,7 @@ class RecordProblem(DamageUnknowns, LeastSquares):
 
     def _weigh_anew(self) -> None:
         own = None if self.sensor_error is None else self.sensor_error.components
-        self._weights = self._weights_of(self.record.present, np.concatenate([self.components, self._causes]), own)
+        self._weights = self._weights_of(self.record.present, self._common, own)
         self.values = self._weights.values
         self.y = self._weights.weigh(np.where(self.record.present, self.record.values, 0.0)[None])[0]
 

@@ -157,19 +157,20 @@ class Parted:
             found = likeliest(fit, {kind: rows for kind, rows in columns.items() if kind not in causes})
             new = [cause for cause in found if cause.gain > max(CERTAIN, WORTH * unexplained)]
             causes |= {cause.kind: cause for cause in new}
-            rows = {kind: own.columns_as_read(cause.scale * columns[kind], fit.point.x) for kind, cause in causes.items()}
+            rows = [own.columns_as_read(cause.scale * columns[kind], fit.point.x) for kind, cause in causes.items()]
             if new or not renewed:
-                fit, renewed = again(fit, own.beside(np.concatenate([*rows.values()])), sparse=sparse), not new
+                fit, renewed = again(fit, own.beside(np.concatenate(rows)), sparse=sparse), not new
                 continue
-            if sparse and fit.passes and "partial" in {*columns} - {*causes}:
-                rows["partial"] = own.columns_as_read(columns["partial"], fit.point.x)
-                fewer = with_fewer_zones(fit, own.beside(np.concatenate([*rows.values()])))
-                if fewer is not None:
-                    fit, causes["partial"], renewed = fewer, Cause("partial", 0.0, 1.0), False
-                    continue
-            if "partial" in causes:
-                fit = replace(fit, vague=VAGUE * np.maximum(fit.point.x[: own.zones], LEAST_PARTED))
-            return fit, [self._said(cause, fit) for cause in causes.values()]
+            fewer = None
+            if sparse and fit.passes and "partial" in columns and "partial" not in causes:
+                rows.append(own.columns_as_read(columns["partial"], fit.point.x))
+                fewer = with_fewer_zones(fit, own.beside(np.concatenate(rows)))
+            if fewer is None:
+                break
+            fit, causes["partial"], renewed = fewer, Cause("partial", 0.0, 1.0), False
+        if "partial" in causes:
+            fit = replace(fit, vague=VAGUE * np.maximum(fit.point.x[: own.zones], LEAST_PARTED))
+        return fit, [self._said(cause, fit) for cause in causes.values()]
 
     def columns(self, problem: RecordProblem, x: Vector) -> dict[str, Matrix]:
         """Return what a unit of each cause changes of the strain [1] at unknowns, by kind, shape (k, s, n).

@@ -213,7 +213,7 @@ def _features(bank: SensorBank, strain: Matrix, resistance: Matrix, h: float) ->
     }
     sized = {name: np.asarray(each) for name, each in found.items()}
     for name, each in sized.items():
-        sized[name] = each / np.sqrt(len(each) * (each**2).mean(axis=2, keepdims=True) + TINY**2) * span
+        sized[name] = each / _size(each) * span
     return {"offset": np.broadcast_to(rise, (1, *u.shape)), **sized}
 
 
@@ -270,24 +270,27 @@ class LastingError:
         self._fastest = max(float(np.abs(np.gradient(strain, axis=1)).max()), TINY)
         self._constants = np.geomspace(10.0, 2.0 * resistance.shape[1], MEMORIES)
         self._before: Memory | None = None
-        first = self._features(strain, resistance, keep=False)
-        size = {name: np.sqrt(len(each) * (np.array(each) ** 2).mean(axis=2, keepdims=True)) for name, each in first.items()}
-        self._scale = np.concatenate([share * self._span / (each + TINY) for each in size.values()])
+        first, _ = self._features(strain, resistance)
+        self._scale = share * self._span / np.concatenate([_size(np.array(each)) for each in first.values()])
 
     def along(self, strain: Matrix, resistance: Matrix) -> Matrix:
         """Return the features [ohm] along the next window, shape (f, s, n), whose coefficients have the variance 1."""
-        return np.asarray(np.concatenate([*self._features(strain, resistance).values()]) * self._scale)
+        found, self._before = self._features(strain, resistance)
+        return np.asarray(np.concatenate([*found.values()]) * self._scale)
 
     def rest(self, share: float, n: int) -> Matrix:
         """Return splines along a window [ohm], shape (f, s, n), of a share of the range: what is left, anew in each."""
         splines = spline_basis(np.arange(1.0, n + 1.0), float(n), max(4, n // SPACING)).T[:, None]
         return np.asarray(share * self._span * splines / np.sqrt((splines**2).sum(axis=0).mean()))
 
-    def _features(self, strain: Matrix, resistance: Matrix, *, keep: bool = True) -> dict[str, list[Matrix]]:
+    def _features(self, strain: Matrix, resistance: Matrix) -> tuple[dict[str, list[Matrix]], Memory]:
         u, v = (resistance - self._middle) / self._span, np.gradient(strain, axis=1) / self._fastest
-        found, after = _lasting(u, v, self._constants, self._before)
-        self._before = after if keep else self._before
-        return found
+        return _lasting(u, v, self._constants, self._before)
+
+
+def _size(features: Matrix) -> Matrix:
+    """Return the root mean square of a sum of features with random coefficients, shape (f, s, 1): feature by feature."""
+    return np.asarray(np.sqrt(len(features) * (features**2).mean(axis=2, keepdims=True) + TINY**2))
 
 
 def _of_tables(bank: SensorBank, strain: Matrix) -> Matrix:

@@ -1,7 +1,8 @@
 r"""Watch a running structure: an alarm soon after damage begins, then when it began and where.
 
-Symbols: ``s`` sensors, ``z`` zones; ``y`` readings of a window; ``r`` residuals in units of the noise, the mean of each
-sensor removed; ``x`` onset [steps] and z damages [1] that are fitted after an alarm; ``h`` step [s].
+Symbols: ``s`` sensors, ``z`` zones; ``y`` readings of a window; ``z`` also nuisances of the membrane and its loads, in
+units of their priors' deviations, where the twin stands; ``x`` onset [steps] and z damages [1] that are fitted after an
+alarm; ``h`` step [s].
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from .evidence import Evidence
 from .forward import WORKERS, Forward, forward_of
 from .least_squares import MOST_DAMAGE, Minimum, Quadratic, descend
 from .nuisances import BEYOND, FACTORS, GAIN, Loads, Nuisances, possible
-from .onset import JudgedWindow, OnsetProblem
+from .onset import JudgedWindow, OnsetProblem, counted_from
 from .sensor_error import LastingError
 from .simulation import Place, SensedForward
 from .weights import RecordWeights
@@ -166,10 +167,7 @@ class Watch:
         self._time, self._window, self._false_alarms = 0.0, 0, false_alarms
         kinds = tuple(kind for kind in possible(forward.parameters, Loads()) if kind in FACTORS)
         self._nuisances = Nuisances(kinds, forward.parameters, forward.inputs, sensors)
-        self._loads, self._z = (
-            tuple[str, ...](),
-            np.zeros(0),
-        )  # and where the twin stands among nuisances, then their factors
+        self._loads, self._z = tuple[str, ...](), np.zeros(0)
         self._evidence: Evidence | None = None
         self._place: Place | None = None  # of the twin, then its moved neighbours, then those with damage
         self._error: LastingError | None = None
@@ -228,7 +226,7 @@ class Watch:
         which = np.tile(np.diag(signs), (len(self._onsets), 1))
         damage[common:] += np.where(np.arange(n) >= since[:, None], 1.0, 0.0)[:, :, None] * which[:, None]
         histories = {name: np.repeat(load[None], cases, axis=0) for name, load in loads.items()}
-        for case, z in enumerate(self._z + MOVED * np.eye(len(self._z)), start=1):
+        for case, z in enumerate(self._around()):
             for name, factor in self._factors(z).items():
                 histories[name][case] = factor * known[name]
         found, felt, after = self._sensed.advance(place, damage, histories, self._h)
@@ -252,7 +250,7 @@ class Watch:
         statistic = float(self._evidence.scores.max()) / max(1.0, *self._scores) / threshold if self._scores else 0.0
         alarm = self._suspected is None and statistic > 1.0
         if self._suspected is None and not alarm:  # damage would bend it
-            self._found = np.pad(self._z, (0, len(lasting) - len(self._z))) + self._evidence.lasting
+            self._found = counted_from(-self._z, self._evidence.lasting)
         judged = JudgedWindow(self._time, place.take(np.zeros(1, dtype=int)), y, loads, self._z, lasting)
         off = weigh(np.where(present, judged.about(self._z, self._found) - found[0], 0.0)[None])
         misfit = float(np.sum(off**2)) / max(1, present.sum() - present.any(axis=1).sum())
@@ -298,12 +296,14 @@ class Watch:
             return RecordWeights(whole, self._sigma, offset[:0], own=offset)
         own, first = list[Matrix](), 0
         for n in (each.shape[1] for each in present):
-            rest = self._error.rest(REST, n)
-            own.append(
-                np.pad(np.concatenate([offset[:, :, :n], rest]), ((0, 0), (0, 0), (first, whole.shape[1] - first - n)))
-            )
+            rows = np.concatenate([offset[:, :, :n], self._error.rest(REST, n)])
+            own.append(np.pad(rows, ((0, 0), (0, 0), (first, whole.shape[1] - first - n))))
             first += n
         return RecordWeights(whole, self._sigma, offset[:0], own=np.concatenate(own))
+
+    def _around(self) -> Matrix:
+        """Return where the twin and its moved neighbours stand, shape (1 + q, q)."""
+        return np.vstack([self._z, self._z + MOVED * np.eye(len(self._z))])
 
     def _begin(self, loads: Mapping[str, Vector]) -> Place:
         """Return where the twin rests, and its neighbours that are moved along each nuisance."""
@@ -311,9 +311,9 @@ class Watch:
         self._loads = tuple(loads)
         simulated = len(self._nuisances.simulated)
         if not self._rounds:
-            self._z, self._evidence = np.zeros(simulated + len(loads)), None
+            self._z = np.zeros(simulated + len(loads))
         places = []
-        for z in (self._z, *(self._z + MOVED * np.eye(len(self._z)))):
+        for z in self._around():
             given = {name: float(value[0]) for name, value in self._nuisances.moved(z[None, :simulated]).items()}
             given |= {name: factor * forward.inputs[name] for name, factor in self._factors(z).items()}
             places.append(self._sensed.begin(self._damage, given, self._h))
@@ -350,7 +350,7 @@ class Watch:
         onset = self._before[0].time + self._h * float(found.point.x[0])
         assert self._evidence is not None
         self._suspected, self._before, self._onsets, self._scores = None, [], self._onsets[:0], []
-        self._evidence.forget(self._found - np.pad(self._z, (0, self._found.size - self._z.size)))
+        self._evidence.forget(counted_from(self._z, self._found))
         return DamageOnset(
             zones=self.zones,
             onset=onset,

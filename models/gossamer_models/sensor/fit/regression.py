@@ -169,8 +169,10 @@ def fronts(x: Matrix, widths: Vector, start: Vector) -> Matrix:
     ----------
     x : ndarray, shape (..., m)
         Histories [1].
-    widths, start : ndarray, shape (lines,)
-        Widths of the operators, and fronts before [1].
+    widths : ndarray, shape (lines,)
+        Widths of the operators [1].
+    start : ndarray, shape (lines,) or (..., lines)
+        Fronts before [1].
     """
     found, front = np.empty((*x.shape, len(widths))), start
     for t in range(x.shape[-1]):
