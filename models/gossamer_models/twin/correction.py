@@ -56,7 +56,7 @@ def corrected(fit: Fit, finer: Forward, components: Matrix, noise: Vector, *, sp
             problem = problem.corrected(finer, found.point, found.kept, components)
         except ConvergenceError:
             break
-        before, found = found, again(found, problem, sparse=sparse)
+        before, found = found, again(found, problem, sparse=sparse, rounds=1)  # the next round is one of theirs too
         if found is before:  # the fit failed
             break
         problem, settled = found.problem, moved(before, found) < SETTLED

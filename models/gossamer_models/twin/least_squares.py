@@ -24,6 +24,7 @@ DAMAGE_STEP = 2e-3  # of finite differences
 DAMPINGS = np.array([0.0, 1e-3, 1e-2, 0.05, 0.2, 1.0, 5.0, 50.0])  # one for each lane
 NEGLIGIBLE = 0.02  # of chi2: no damage moves by more than a seventh of its deviation
 LINEAR = 0.9  # share of what the model promised
+LITTLE = 0.1  # share of it with which no more is gained: chi2 of sensors with plays has edges
 SHORT = 5.0  # of chi2: longer steps change the derivatives
 
 
@@ -252,7 +253,7 @@ def descend(problem: LeastSquares, start: Vector, free: Rows, most: int = 12, en
         gained = point.chi2 - best.chi2
         if gained > 0.0:
             point = best
-        elif fresh:
+        if fresh and gained < max(enough, LITTLE * promised):
             break
         fresh = promised > SHORT or gained < LINEAR * promised
         if fresh:

@@ -145,13 +145,16 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         alone = self._weights_of(self.record.present, self.components[:0])
         return float(np.sqrt(np.sum(alone.weigh(self.components) ** 2) / max(alone.values, 1)))
 
-    def told(self, point: Point) -> RecordProblem:
-        """Return the problem with the error of the sensors along what a point predicts, and with scales anew."""
+    def told(self, point: Point, kept: Rows) -> RecordProblem:
+        """Return the problem with the error of the sensors along what a point predicts, and with scales anew.
+
+        ``kept`` are the unknowns that the point was fitted by, shape (size,): others have taken nothing from the scales.
+        """
         before = self.sensor_error
         if before is None:
             return self
         error = self._error_along(self._simulated(point.x[None])[0], self.reading(point), before.scales)
-        return self._with(sensor_error=error.told(self.record.values, self.weigh_alone(self.unknown(point))))
+        return self._with(sensor_error=error.told(self.record.values, self.weigh_alone(self.unknown(point)[kept])))
 
     def unknown(self, point: Point) -> Matrix:
         """Return what deviations of the unknowns about a point change of what the sensors read, shape (k, s, n)."""

@@ -34,7 +34,7 @@ FEW_SENSORS = 1.5  # zones for each: with more zones there may be several minima
 HOPELESS = 5.0  # deviations of chi2 above the expected one
 MOST_STEPS = 12  # of one descent
 FEW_STEPS = 2  # where it is hopeless
-ROUNDS = 12  # of the scales of the errors of the sensors
+ROUNDS = 4  # of the scales of the errors of the sensors
 RIVAL_STEPS = 4  # of the descent of another set of zones
 ALIKE = 0.8  # cosine of the derivatives by two zones of which one is tried in place of the other
 
@@ -181,6 +181,8 @@ class Begun:
         Smallest chi2 of the last stage, and by how many deviations it is above the expected one; infinite without stages.
     far, hopeless : bool
         Whether it is above its bound, and whether the first stage is far above it.
+    kept : ndarray of bool, shape (n,), or None
+        Unknowns that are not dropped, where that is known already.
     """
 
     x: Vector
@@ -188,6 +190,7 @@ class Begun:
     misfit: float = math.inf
     far: bool = False
     hopeless: bool = False
+    kept: Rows | None = None
 
 
 def begun(stages: Sequence[RecordProblem], x: Vector, *, one_valley: bool) -> Begun | None:
@@ -201,7 +204,7 @@ def begun(stages: Sequence[RecordProblem], x: Vector, *, one_valley: bool) -> Be
                 found = Begun(descend(stage, x, beside, MOST_STEPS, enough=ROUGH).point.x)
             point = descend(stage, found.x, free, MOST_STEPS, enough=ROUGH).point
             if stage.sensor_error is not None:
-                stage = stage.told(point)
+                stage = stage.told(point, free)
                 point = descend(stage, point.x, free, MOST_STEPS, enough=ROUGH).point
             off, far = misfit(stage, point), point.chi2 > chi2_bound(stage) * stage.values
             found = Begun(point.x, point.chi2, off, far, one_valley and k == 0 and off > HOPELESS)
@@ -212,12 +215,13 @@ def begun(stages: Sequence[RecordProblem], x: Vector, *, one_valley: bool) -> Be
     return found
 
 
-def _ended(whole: RecordProblem, start: Begun, *, sparse: bool) -> Fit | None:
-    """Return the fit of the whole record from there, or None if the simulation fails."""
+def _ended(whole: RecordProblem, start: Begun, *, sparse: bool, rounds: int = ROUNDS) -> Fit | None:
+    """Return the fit of the whole record from there, or None if the simulation fails; with as many rounds of scales."""
     try:
-        fit = _finish(whole, start.x, start.reached, sparse=sparse, hopeless=start.hopeless)
-        for _ in range(0 if whole.sensor_error is None or start.hopeless else ROUNDS):
-            told = _finish(fit.problem.told(fit.point), fit.point.x, start.reached, sparse=sparse, hopeless=False)
+        fit = _finish(whole, start, sparse=sparse)
+        for _ in range(0 if whole.sensor_error is None or start.hopeless else rounds):
+            from_there = Begun(fit.point.x, start.reached, kept=fit.kept)
+            told = _finish(fit.problem.told(fit.point, fit.kept), from_there, sparse=sparse)
             if told.worth > fit.worth - ROUGH:
                 break
             fit = told
@@ -226,9 +230,9 @@ def _ended(whole: RecordProblem, start: Begun, *, sparse: bool) -> Fit | None:
         return None
 
 
-def again(fit: Fit, problem: RecordProblem, *, sparse: bool) -> Fit:
+def again(fit: Fit, problem: RecordProblem, *, sparse: bool, rounds: int = ROUNDS) -> Fit:
     """Return the fit of a problem with other weights, from where another one ended; that one if it fails."""
-    ended = _ended(problem, Begun(fit.point.x, fit.early_chi2), sparse=sparse)
+    ended = _ended(problem, Begun(fit.point.x, fit.early_chi2, kept=fit.kept), sparse=sparse, rounds=rounds)
     return fit if ended is None else ended
 
 
@@ -270,25 +274,28 @@ def _unknowns(problem: RecordProblem, damage: Vector) -> Vector:
     return np.concatenate([damage, np.zeros(problem.size - problem.zones)])
 
 
-def _finish(whole: RecordProblem, x: Vector, early_chi2: float, *, sparse: bool, hopeless: bool) -> Fit:
+def _finish(whole: RecordProblem, start: Begun, *, sparse: bool) -> Fit:
     """Go on with the whole record, drop zones, and think again where they stand after that."""
-    most, changes = (FEW_STEPS, 1) if hopeless else (MOST_STEPS, MOST_CHANGES)
-    free = np.ones(whole.size, dtype=bool)
-    found = descend(whole, x, free, most, enough=ROUGH if sparse else NEGLIGIBLE)
+    most, changes = (FEW_STEPS, 1) if start.hopeless else (MOST_STEPS, MOST_CHANGES)
+    free, x, kept = np.ones(whole.size, dtype=bool), start.x, start.kept
     if not sparse:
-        return Fit(whole, found.point, found.model, free, early_chi2, found.J)
-    model = found.model
-    if MODULUS in whole.nuisances.simulated:
-        model = whole.about(whole.points(_common_as_modulus(whole, found.point.x)[None])[0], free, found.J)
-    kept, move = drop_zones(model, box(whole, model.at))
-    x, best, worth = _moved(whole, model.at, move, kept), None, np.inf
+        found = descend(whole, x, free, most)
+        return Fit(whole, found.point, found.model, free, start.reached, found.J)
+    if kept is None:
+        found = descend(whole, x, free, most, enough=ROUGH)
+        model = found.model
+        if MODULUS in whole.nuisances.simulated:
+            model = whole.about(whole.points(_common_as_modulus(whole, found.point.x)[None])[0], free, found.J)
+        kept, move = drop_zones(model, box(whole, model.at))
+        x = _moved(whole, model.at, move, kept)
+    best, worth = None, np.inf
     for _ in range(changes):
         found = descend(whole, x, kept, most)
         reached = found.point.chi2 + THRESHOLD * kept[: whole.zones].sum()
         if best is not None and reached >= worth:
             break
         full, J = _over_all(whole, found, kept)
-        best, worth = Fit(whole, found.point, full, kept, early_chi2, J), reached
+        best, worth = Fit(whole, found.point, full, kept, start.reached, J), reached
         likely = alternatives(full, box(whole, full.at), drop_zones(full, box(whole, full.at))[0])
         other, move = likely.best
         promised = found.point.chi2 + change(full.A, full.g, move) + THRESHOLD * other[: whole.zones].sum()
