@@ -165,7 +165,7 @@ class RecordProblem(DamageUnknowns, LeastSquares):
 
     def alone(self, sensor: int, noise: float, follows: float, beside: Matrix) -> RecordWeights:
         """Return weights of one sensor, shape (m, 1, n), under another noise and beside more components, shape (k, s, n)."""
-        own = [] if self.sensor_error is None else [self.sensor_error.components]
+        own = [] if self.sensor_error is None else [self.sensor_error.own]
         row, found = [sensor], np.concatenate([self._common, beside, *own])[:, [sensor]]
         moving = found.any(axis=(1, 2))
         return RecordWeights(self.record.present[row], np.array([noise]), found[moving], self._splines, follows=follows)
@@ -177,7 +177,7 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         errors would otherwise lack what the unknowns have taken from them.
         """
         sensors, present = np.arange(len(self.record.values)), self.record.present
-        components = self._common if unknown is None else np.concatenate([self._common, unknown])
+        components = np.concatenate([self.components, self._causes, *([] if unknown is None else [unknown])])
         return {k: self._weights_of(present & (sensors == k)[:, None], components).weigh for k in self.record.sensors}
 
     @property
@@ -202,8 +202,9 @@ class RecordProblem(DamageUnknowns, LeastSquares):
 
     @property
     def _common(self) -> Matrix:
-        """Components that all sensors share: of the error of the mesh, and of causes beside it."""
-        return np.concatenate([self.components, self._causes])
+        """Components that all sensors share: of the error of the mesh, of causes beside it, and of what is their kind's."""
+        kind = [] if self.sensor_error is None else [self.sensor_error.shared]
+        return np.concatenate([self.components, self._causes, *kind])
 
     def _with(self, **changes: object) -> RecordProblem:
         """Return the problem with other attributes, weighed anew."""
@@ -213,7 +214,7 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         return found
 
     def _weigh_anew(self) -> None:
-        own = None if self.sensor_error is None else self.sensor_error.components
+        own = None if self.sensor_error is None else self.sensor_error.own
         self._weights = self._weights_of(self.record.present, self._common, own)
         self.values = self._weights.values
         self.y = self._weights.weigh(np.where(self.record.present, self.record.values, 0.0)[None])[0]

@@ -8,6 +8,7 @@ standard normal distribution.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import TypeAlias
@@ -17,7 +18,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from ..arrays import Matrix, Vector
+from ..arrays import Matrix, Rows, Vector
 from ..sensor.fit.regression import fronts, switched
 from .nuisances import spline_basis
 from .simulation import SensorBank
@@ -35,6 +36,8 @@ MISSED = 0.03  # by a model, of the range, if its identification did not test it
 BROAD = 3.0  # deviation of the logarithm of a scale
 SMALLEST, LARGEST = 1e-6, 1.0  # scale
 STEPS = 30  # of the search of the scales
+OF_KIND = ("shape", "rate", "memory", "play", "tables")  # groups of what sensors of one kind may have in common
+ALIKE = 0.5  # correlation of these of two sensors: they are one identification, and each is another specimen
 SPACING = 12  # samples between splines of what is left in a window
 TRIED = 60  # scales of a group, for its mean square
 TINY = 1e-12
@@ -98,6 +101,20 @@ class SensorError:
     def components(self) -> Matrix:
         """Features times their scales [ohm], shape (f, s, n); the outer products of a sensor's add up to its covariance."""
         return np.asarray(self.features * self.scales.T[self.group][:, :, None])
+
+    @property
+    def shared(self) -> Matrix:
+        """Components that all sensors share [ohm], shape (m, s, n): what the identification of their kind has missed."""
+        return math.sqrt(ALIKE) * self.components[self._of_kind]
+
+    @property
+    def own(self) -> Matrix:
+        """Components that those of another sensor know nothing of [ohm], shape (f, s, n), beside the shared ones."""
+        return np.where(self._of_kind, math.sqrt(1.0 - ALIKE), 1.0)[:, None, None] * self.components
+
+    @property
+    def _of_kind(self) -> Rows:
+        return np.isin(self.group, [k for k, name in enumerate(GROUPS) if name in OF_KIND])
 
     def told(self, values: Matrix, weigh: Weighing) -> SensorError:
         """Return the error with the scales that a record tells, sensor by sensor.
