@@ -73,6 +73,22 @@ def test_a_sensor_that_keeps_to_its_model_has_small_scales_and_one_that_does_not
     assert 0.01 < spread[1] < 0.3
 
 
+def test_what_sensors_of_one_kind_share_is_no_more_than_what_each_is_off(sensed):
+    strain, bank, read = sensed
+    error = SensorError.along(bank, strain, read, STEP)
+    whole, shared, own = (each[:, :, ::40] for each in (error.components, error.shared, error.own))
+    for k in range(2):
+        both = shared[:, k].T @ shared[:, k] + own[:, k].T @ own[:, k]
+        np.testing.assert_allclose(both, whole[:, k].T @ whole[:, k], rtol=1e-9, atol=1e-12 * np.abs(both).max())
+    tables = whole[error.group == list(GROUPS).index("tables")]
+    drift = whole[error.group == list(GROUPS).index("drift")]
+    rest = whole[error.group == list(GROUPS).index("rest")]
+    alone = [(each[:, 0] * each[:, 1]).sum() for each in (drift, rest)]
+    assert np.abs(alone).min() > 0.0  # they would be alike, if anything shared them
+    assert len(shared) == len(whole) - len(drift) - len(rest) - 1  # the offset
+    np.testing.assert_allclose(shared[-len(tables) :], np.sqrt(0.5) * tables)
+
+
 @pytest.fixture(scope="module")
 def square():
     """The square on a small mesh, what its strain is with two damaged zones, and what its sensors read."""
@@ -102,6 +118,19 @@ def test_damage_is_found_with_sensors_off_their_model_and_how_far_is_answered(sq
     assert answer.deviation.max() < 0.02
     np.testing.assert_allclose(answer.sensor_errors[:2], off[:2], rtol=0.2)
     assert max(answer.sensor_errors[2:]) < 2e-3
+
+
+def test_a_full_scale_that_all_sensors_have_otherwise_is_no_damage(square):
+    """All sensors read 5 % less strain than their model says: much as a membrane does that is stiffer everywhere."""
+    sensed, strain, exact = square
+    stretched = sensed.bank.parameters | {"full_scale_strain": 1.05 * sensed.bank.parameters["full_scale_strain"]}
+    values = SensorBank(default_artifact(), 4, 0.0, stretched).read(strain, 3e-4)[0][0]
+    noise = 1e-3 * np.ptp(exact, axis=1)
+    values = values + noise[:, None] * np.random.default_rng(4).standard_normal(exact.shape)
+    twin = Twin(square_structure(4, 1), sensor=default_artifact())
+    answer = twin.fit(ResponseRecord(step=3e-4, values=values, kind="resistance", noise=noise))
+    np.testing.assert_allclose(answer.damage, DAMAGE, atol=5e-3)
+    assert min(answer.sensor_errors) > 0.01
 
 
 def test_a_sensor_whose_model_is_known_has_an_offset_and_a_gain_alone(square):
