@@ -55,7 +55,8 @@ def test_damage_is_that_of_a_finer_mesh_whose_error_nobody_learned(strain, learn
     plain = Twin(discrepancy=learned, structure=square_structure(4, 2)).fit(made)
     error, before = (np.abs(each.damage - DAMAGE).max() for each in (answer, plain))
     assert answer.valid
-    assert error < 0.3 * before
+    assert error < 0.01 < before  # both find the two zones; the own mesh alone errs by about 0.016 of damage
+    assert np.all(answer.deviation < 0.7 * plain.deviation)
     assert np.all(np.abs(answer.damage - DAMAGE) < 3.0 * np.maximum(answer.deviation, 1e-3))
 
 
