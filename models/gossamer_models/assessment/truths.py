@@ -30,6 +30,7 @@ OF_SQUARE = {"prestrain": "edge_displacement", "modulus": "youngs_modulus"}
 STRIPS = 8
 TILT = 0.05  # of the pressure, from one side to the other
 ROUGH = 0.01  # deviation of the pressure's noise over its amplitude
+HARMONIC = 0.03  # of the pressure, at twice its frequency
 
 
 def with_material(mesh: Mesh, what: str, factor: float) -> Mesh | None:
@@ -179,6 +180,17 @@ def tilt(plan: CampaignPlan) -> dict[str, Matrix]:
 
 def rough_pressure(plan: CampaignPlan) -> dict[str, Matrix]:
     """Return white noise of the pressure by its load, shape (n, T) [Pa]."""
-    name = next(load.name for load in plan.membrane.structure.setup.loads if load.kind == "pressure")
     size = ROUGH * plan.membrane.base("pressure_amplitude")
-    return {name: size * np.random.default_rng(plan.seed).standard_normal((plan.count, plan.steps))}
+    return {_pressure(plan): size * np.random.default_rng(plan.seed).standard_normal((plan.count, plan.steps))}
+
+
+def harmonic(plan: CampaignPlan) -> dict[str, Matrix]:
+    """Return a part of the pressure at twice its frequency by its load, with a phase of each record, shape (n, T) [Pa]."""
+    size = HARMONIC * plan.membrane.base("pressure_amplitude")
+    phase = np.random.default_rng(plan.seed).uniform(0.0, 2.0 * np.pi, (plan.count, 1))
+    turns = 2.0 * plan.membrane.base("pressure_frequency") * plan.step * np.arange(1, plan.steps + 1)
+    return {_pressure(plan): size * np.sin(2.0 * np.pi * turns + phase)}
+
+
+def _pressure(plan: CampaignPlan) -> str:
+    return next(load.name for load in plan.membrane.structure.setup.loads if load.kind == "pressure")

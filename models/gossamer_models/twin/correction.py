@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,7 +21,7 @@ SETTLED = 0.5  # deviations of a damage: a round that moves none by more is the 
 
 
 def corrected(fit: Fit, finer: Forward, components: Matrix, noise: Vector, *, sparse: bool, simulated: bool) -> Fit:
-    """Return the fit to what a finer mesh predicts; one on the twin's mesh if it made the record, or nothing settles.
+    """Return the fit to what a finer mesh predicts; one on the twin's mesh if it made the record, or is likelier.
 
     Parameters
     ----------
@@ -41,7 +42,8 @@ def corrected(fit: Fit, finer: Forward, components: Matrix, noise: Vector, *, sp
     -----
     Defect correction [1]_: the finer mesh is simulated at the fit alone, once a round, and what it adds there is added
     everywhere, to first order in the damages that are kept and what else one run of a few cases has place for. All other
-    derivatives are those of the twin's mesh.
+    derivatives are those of the twin's mesh. Where damages still move after the last round, its move is part of their
+    deviations.
 
     References
     ----------
@@ -50,7 +52,7 @@ def corrected(fit: Fit, finer: Forward, components: Matrix, noise: Vector, *, sp
     own = problem = fit.problem.under(noise)
     if fit.per_sample >= HOPELESS or (simulated and _made_by(own, fit)):
         return again(fit, own, sparse=sparse)
-    found, settled = fit, False
+    found, settled, move = fit, False, np.zeros(fit.problem.zones)
     for _ in range(ROUNDS):
         try:
             problem = problem.corrected(finer, found.point, found.kept, components)
@@ -60,12 +62,13 @@ def corrected(fit: Fit, finer: Forward, components: Matrix, noise: Vector, *, sp
         if found is before:  # the fit failed
             break
         problem, settled = found.problem, moved(before, found) < SETTLED
+        move = np.abs(found.point.x - before.point.x)[: problem.zones]
         if settled:
             break
     if settled and found.passes:
         return found
     plain = again(fit, own, sparse=sparse)
-    return found if settled and not plain.passes and found.unlikely < plain.unlikely else plain
+    return replace(found, vague=move) if found is not fit and found.unlikely < plain.unlikely else plain
 
 
 def _made_by(own: RecordProblem, fit: Fit) -> bool:

@@ -80,6 +80,11 @@ class Fit:
         return alternatives(self.model, box(self.problem, at), self.kept, known)
 
     @property
+    def end(self) -> Begun:
+        """Where the search of the same record with other weights starts."""
+        return Begun(self.point.x, self.early_chi2, kept=self.kept)
+
+    @property
     def per_sample(self) -> float:
         """Chi2 per sample."""
         return self.point.chi2 / self.problem.values
@@ -193,8 +198,11 @@ class Begun:
     kept: Rows | None = None
 
 
-def begun(stages: Sequence[RecordProblem], x: Vector, *, one_valley: bool) -> Begun | None:
-    """Follow a start through early stages, no further than the first that is hopeless; None if the simulation fails."""
+def begun(stages: Sequence[RecordProblem], x: Vector, *, one_valley: bool, most: float = math.inf) -> Begun | None:
+    """Follow a start through early stages, no further than one that is hopeless; None if the simulation fails.
+
+    None follows a stage whose misfit is above ``most`` either.
+    """
     found = Begun(x)
     try:
         for k, stage in enumerate(stages):
@@ -208,7 +216,7 @@ def begun(stages: Sequence[RecordProblem], x: Vector, *, one_valley: bool) -> Be
                 point = descend(stage, point.x, free, MOST_STEPS, enough=ROUGH).point
             off, far = misfit(stage, point), point.chi2 > chi2_bound(stage) * stage.values
             found = Begun(point.x, point.chi2, off, far, one_valley and k == 0 and off > HOPELESS)
-            if found.hopeless:
+            if found.hopeless or off > most:
                 break
     except ConvergenceError:
         return None
@@ -220,8 +228,7 @@ def _ended(whole: RecordProblem, start: Begun, *, sparse: bool, rounds: int = RO
     try:
         fit = _finish(whole, start, sparse=sparse)
         for _ in range(0 if whole.sensor_error is None or start.hopeless else rounds):
-            from_there = Begun(fit.point.x, start.reached, kept=fit.kept)
-            told = _finish(fit.problem.told(fit.point, fit.kept), from_there, sparse=sparse)
+            told = _finish(fit.problem.told(fit.point, fit.kept), fit.end, sparse=sparse)
             if told.worth > fit.worth - ROUGH:
                 break
             fit = told
@@ -232,8 +239,8 @@ def _ended(whole: RecordProblem, start: Begun, *, sparse: bool, rounds: int = RO
 
 def again(fit: Fit, problem: RecordProblem, *, sparse: bool, rounds: int = ROUNDS) -> Fit:
     """Return the fit of a problem with other weights, from where another one ended; that one if it fails."""
-    ended = _ended(problem, Begun(fit.point.x, fit.early_chi2, kept=fit.kept), sparse=sparse, rounds=rounds)
-    return fit if ended is None else ended
+    ended = _ended(problem, fit.end, sparse=sparse, rounds=rounds)
+    return fit if ended is None else replace(ended, vague=fit.vague)
 
 
 def _side_by_side(what: Callable[[S], T], each: Sequence[S]) -> list[T]:

@@ -169,7 +169,7 @@ class Parted:
                 break
             fit, causes["partial"], renewed = fewer, Cause("partial", 0.0, 1.0), False
         if "partial" in causes:
-            fit = replace(fit, vague=VAGUE * np.maximum(fit.point.x[: own.zones], LEAST_PARTED))
+            fit = replace(fit, vague=np.hypot(fit.vague, VAGUE * np.maximum(fit.point.x[: own.zones], LEAST_PARTED)))
         return fit, [self._said(cause, fit) for cause in causes.values()]
 
     def columns(self, problem: RecordProblem, x: Vector) -> dict[str, Matrix]:

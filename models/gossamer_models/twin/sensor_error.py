@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -37,7 +38,7 @@ BROAD = 3.0  # deviation of the logarithm of a scale
 SMALLEST, LARGEST = 1e-6, 1.0  # scale
 STEPS = 30  # of the search of the scales
 OF_KIND = ("shape", "rate", "memory", "play", "tables")  # groups of what sensors of one kind may have in common
-ALIKE = 0.5  # correlation of these of two sensors: they are one identification, and each is another specimen
+SHARED = 0.5  # correlation of these of two sensors: they are one identification, and each is another specimen
 SPACING = 12  # samples between splines of what is left in a window
 TRIED = 60  # scales of a group, for its mean square
 TINY = 1e-12
@@ -97,7 +98,7 @@ class SensorError:
             prior,
         )
 
-    @property
+    @cached_property
     def components(self) -> Matrix:
         """Features times their scales [ohm], shape (f, s, n); the outer products of a sensor's add up to its covariance."""
         return np.asarray(self.features * self.scales.T[self.group][:, :, None])
@@ -105,12 +106,12 @@ class SensorError:
     @property
     def shared(self) -> Matrix:
         """Components that all sensors share [ohm], shape (m, s, n): what the identification of their kind has missed."""
-        return math.sqrt(ALIKE) * self.components[self._of_kind]
+        return math.sqrt(SHARED) * self.components[self._of_kind]
 
     @property
     def own(self) -> Matrix:
         """Components that those of another sensor know nothing of [ohm], shape (f, s, n), beside the shared ones."""
-        return np.where(self._of_kind, math.sqrt(1.0 - ALIKE), 1.0)[:, None, None] * self.components
+        return np.where(self._of_kind, math.sqrt(1.0 - SHARED), 1.0)[:, None, None] * self.components
 
     @property
     def _of_kind(self) -> Rows:

@@ -413,13 +413,14 @@ class Twin:
         most = self._early_misfit(record, report) - SUSPECT if fit.passes else PASSING
         wirings = other_wirings(record.first(fit.problem.record.samples), fit.problem.reading(fit.point))
         wirings = [wiring for wiring in wirings if wiring.moved or not fit.passes]
-        return best_wiring(wirings, [self._early_misfit(wiring.applied(record), report) for wiring in wirings], most)
+        misfits = [self._early_misfit(wiring.applied(record), report, most) for wiring in wirings]
+        return best_wiring(wirings, misfits, most)
 
-    def _early_misfit(self, record: ResponseRecord, report: Progress) -> float:
-        """Return the misfit of the last early stage, or of a first one that is hopeless."""
+    def _early_misfit(self, record: ResponseRecord, report: Progress, most: float = math.inf) -> float:
+        """Return the misfit of the last early stage, or of one that is hopeless or above a bound."""
         lengths = self._early_samples(record) or [self._compared(record)]
         early = [self._problem(record, report, samples=samples) for samples in lengths]
-        found = begun(early, np.zeros(early[0].size), one_valley=True)
+        found = begun(early, np.zeros(early[0].size), one_valley=True, most=most)
         return math.inf if found is None else found.misfit
 
     @cached_property
