@@ -86,6 +86,7 @@ def judge(name: str, count: int) -> str:
     forward = MembraneForward(structure if world.truth is None else world.truth())
     samples, zones, sensors = round(forward.period / world.step), structure.n_zones, structure.n_sensors
     late, missed, false, wrong, answers, shift, seconds = list[float](), 0, 0, 0, 0, list[float](), 0.0
+    sees, untrue = list[float](), 0
     for k in range(count):
         zone, depth = random.integers(zones), 0.0 if healthy else random.uniform(*world.depth)
         onset = (BEFORE + random.uniform()) * samples * world.step
@@ -112,6 +113,9 @@ def judge(name: str, count: int) -> str:
         false += sum(healthy or moment < onset for moment in alarms)
         after = [moment - onset for moment in alarms if moment > onset]
         missed += not after
+        known = np.median([window.sees for window in judged[1:BEFORE]], axis=0)
+        untrue += not after and depth > known[zone]
+        sees.append(float(known.max()))
         late += after[:1]
         findings = [window.finding for window in judged if window.finding and window.finding.valid]
         for found in findings if not world.ramp else ():  # of a ramp no answer is known
@@ -122,8 +126,10 @@ def judge(name: str, count: int) -> str:
     line = f"{false} false alarms in {count * (WINDOWS if healthy else BEFORE)} healthy windows, "
     if not healthy:
         delay = f"{1e3 * float(np.median(late)):.0f}" if late else "-"
-        line += f"{missed} of {count} missed, delay {delay} ms (median), {wrong} of {answers} answers wrong, "
+        line += f"{missed} of {count} missed ({untrue} that it says it sees), delay {delay} ms (median), "
+        line += f"{wrong} of {answers} answers wrong, "
         line += f"onsets {100.0 * float(np.median(shift)):.2g} % of a period off, " if shift else ""
+    line += f"sees {100.0 * float(np.median(sees)):.2g} % in every zone, "
     return line + f"{seconds / count / WINDOWS / forward.period:.1f} times as long as real time"
 
 

@@ -85,12 +85,12 @@ class Run(Result):
     @property
     def valid(self) -> bool | None:
         """Whether the last judgement of the detector and what the twin saw are valid; None if nothing was judged."""
-        from gossamer_orchestrator.results.files import is_explained
+        from gossamer_orchestrator.results.files import is_explained, sees_enough
 
         judged = self.judgements[-1].valid if self.judgements else None
         if self.watched is None:
             return judged
-        return judged is not False and is_explained(self.watched)
+        return judged is not False and is_explained(self.watched) and sees_enough(self.watched)
 
     def exit_code(self) -> int:
         """Return the exit code."""

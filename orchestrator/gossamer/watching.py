@@ -31,8 +31,9 @@ if TYPE_CHECKING:
 LEAST_WINDOW = 20  # samples
 ROUNDING = 1e-9
 FALSE_ALARMS = 1e-5
+SEE = 0.1  # [1]
 FITTING = "fitting onset and damage"
-UNITS = {"alarms": "s", "onset": "s", "onset_deviation": "s", "damage": "1", "deviation": "1", "misfit": "1"}
+UNITS = {"alarms": "s", "onset": "s", "onset_deviation": "s", "damage": "1", "deviation": "1", "misfit": "1", "sees": "1"}
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -49,16 +50,22 @@ class Watching(Saved):
         Ends of the windows that raised an alarm [s].
     findings, withheld : list of gossamer_models.twin.DamageOnset
         Onset and damages, of each damage that began; apart those that do not explain the readings.
-    times, scores, misfits : list of float
-        End of each window [s], the score of new damage over what raises an alarm [1], and chi2 per sample [1].
+    times, misfits : list of float
+        End of each window [s], and chi2 per sample [1].
+    scores, sights : list of ndarray, shape (zones,)
+        Of each window: score of new damage in each zone, over what raises an alarm [1], and the damage that would [1].
+    see : float
+        Damage that has to be seen in every zone [1].
     """
 
     zones: tuple[str, ...]
+    see: float = SEE
     alarms: list[float] = field(default_factory=list)
     findings: list[DamageOnset] = field(default_factory=list)
     withheld: list[DamageOnset] = field(default_factory=list)
     times: list[float] = field(default_factory=list)
-    scores: list[float] = field(default_factory=list)
+    scores: list[Vector] = field(default_factory=list)
+    sights: list[Vector] = field(default_factory=list)
     misfits: list[float] = field(default_factory=list)
     TABLES = "told"
 
@@ -66,7 +73,8 @@ class Watching(Saved):
         """Keep what a window says, and print an alarm or a finding."""
         self.misfits.append(judged.misfit)
         self.times.append(judged.time)
-        self.scores.append(judged.statistic)
+        self.scores.append(judged.evidence)
+        self.sights.append(judged.sees)
         if judged.alarm:
             self.alarms.append(judged.time)
             text = f"t = {judged.time:.4f} s: ALARM, new damage is {judged.statistic:.3g} times as evident as an alarm takes"
@@ -82,12 +90,12 @@ class Watching(Saved):
 
     def end(self, console: Console) -> None:
         """Print a summary, and write the file."""
-        from gossamer_files import as_json, write_text
+        from gossamer_files import write_text
 
         console.print(self.summary, highlight=False)
         for line in self.more():
             console.print(line, style="bold yellow", highlight=False)
-        write_text(self.path, json.dumps(as_json(self.content), indent=1) + "\n")
+        write_text(self.path, json.dumps(self.content, indent=1) + "\n")
 
     @property
     def alarmed(self) -> bool:
@@ -102,6 +110,13 @@ class Watching(Saved):
         return is_explained(self.content)
 
     @property
+    def sees(self) -> Vector:
+        """Damage of each zone that would have been seen, shape (zones,): median over the windows [1]."""
+        import numpy as np
+
+        return np.asarray(np.median(self.sights[1:] or [np.full(len(self.zones), math.inf)], axis=0))
+
+    @property
     def summary(self) -> str:
         """How many alarms there were."""
         return f"{counted(len(self.alarms), 'alarm')} in {len(self.misfits)} windows"
@@ -109,19 +124,24 @@ class Watching(Saved):
     @property
     def content(self) -> dict[str, Any]:
         """What is in the file."""
-        content = {"alarms": self.alarms, "findings": self.findings, "misfit": self.misfits}
-        return content | {"time": self.times, "score": self.scores, "withheld": len(self.withheld)}
+        from gossamer_files import as_json
+
+        content: dict[str, Any] = {"zones": self.zones, "alarms": self.alarms, "findings": self.findings}
+        content |= {"misfit": self.misfits, "time": self.times, "score": self.scores, "withheld": len(self.withheld)}
+        return {name: as_json(each) for name, each in (content | {"sees": self.sees, "see": self.see}).items()}
 
     @property
     def data(self) -> xr.Dataset:
-        """``score`` of new damage and ``misfit``, chi2 per sample [1], over ``time`` [s], the ends of the windows;
-        ``damage`` and ``deviation`` [1] by ``onset`` [s] and ``zone``, with its ``name``.
+        """``misfit``, chi2 per sample [1], over ``time`` [s], the ends of the windows; over it and ``zone`` the ``score`` of
+        new damage and ``sight``, the damage that would be seen [1]; ``damage`` and ``deviation`` [1] by ``onset`` and zone.
         """  # noqa: D205
         import numpy as np
         import xarray as xr
 
         found, ratio, seconds = self.findings, {"units": "1"}, {"units": "s"}
-        values: dict[str, Any] = {"score": ("time", self.scores, ratio), "misfit": ("time", self.misfits, ratio)}
+        values: dict[str, Any] = {"misfit": ("time", self.misfits, ratio)}
+        for name, rows in (("score", self.scores), ("sight", self.sights)):
+            values[name] = (("time", "zone"), np.array(rows).reshape(-1, len(self.zones)), ratio)
         for name in ("damage", "deviation"):
             table = np.array([getattr(each, name) for each in found]).reshape(len(found), len(self.zones))
             values[name] = (("onset", "zone"), table, ratio)
@@ -131,7 +151,7 @@ class Watching(Saved):
 
     def exit_code(self) -> int:
         """Return the exit code."""
-        return 0 if self.explained else INVALID
+        return 0 if self.explained and self.sees.max() <= self.see else INVALID
 
     @property
     def sentence(self) -> str:
@@ -140,14 +160,16 @@ class Watching(Saved):
         return f"{self.summary}{': at ' * bool(times)}{times}."
 
     def more(self) -> list[str]:
-        """Return a reason for doubt, if the twin does not explain the readings."""
+        """Return which damage is seen, and a reason for doubt, if the twin does not explain the readings."""
+        from gossamer_orchestrator.results.verdict import sight
+
         where = "what followed an alarm" if self.withheld else "the last window"
         worst = self.withheld[-1].chi2_per_sample if self.withheld else self.misfits[-1]
         doubt = (
             f"The twin does not explain {where}: chi2 per sample is {worst:.3g}. Check load, "
             "damping, sensors and noise. Where there may be damage from the beginning, use 'gossamer twin'."
         )
-        return [doubt] * (not self.explained)
+        return [*sight(self.content), *[doubt] * (not self.explained)]
 
     def hints(self) -> list[str]:
         """Return which page shows it."""
@@ -254,13 +276,15 @@ def watch(
     *,
     window: float | None = None,
     false_alarms: float = FALSE_ALARMS,
+    see: float = SEE,
     out: File | None = None,
     **options: Unpack[TwinOptions],
 ) -> Watching:
     """Watch a record as if it arrived live: raise an alarm when damage begins, then say when and where.
 
     The record begins, undamaged, when the load sets in. After each window the running twin tests whether damage explains the
-    readings better; one window after an alarm it fits the onset and the damages.
+    readings better; one window after an alarm it fits the onset and the damages. In the end it says which damage it would
+    have seen in every zone; where that is too much, no alarm means nothing, and the exit code is 3.
 
     Parameters
     ----------
@@ -270,6 +294,8 @@ def watch(
         Length of a window [s]; by default the longest period of the membrane, 0.05 s of the square.
     false_alarms
         Share of the windows that may raise a false alarm.
+    see
+        Damage that has to be seen in every zone, in nine of ten cases; 0.1 by default.
     out
         JSON file to write; watch.json beside the record by default.
     **options
@@ -293,6 +319,7 @@ def watch(
     source = Path(record)
     path = beside(source, WATCH) if out is None else Path(out)
     keep_inputs([file_of(source), options["sensor"]], [path])
+    require(0.0 < see < 1.0, f"{option('see')} is {see:g}. Write a damage between 0 and 1, for instance 0.1.")
     found = find_record(source, options)
     samples = _samples(_period(found.structure, found.parameters) if window is None else window, found)
     if 2 * samples > found.record.samples:
@@ -302,7 +329,7 @@ def watch(
     with progress_bar("watching") as bar:
         bar.update(aside="compiling")
         twin = _begin(found, false_alarms, options["sensor"])
-        seen = Watching(files=[path], zones=twin.zones)
+        seen = Watching(files=[path], zones=twin.zones, see=see)
         for done, first in enumerate(firsts):
             bar.update(done, len(firsts), f"{done} of {len(firsts)} windows,", FITTING if seen.alarmed else "")
             seen.take(twin.advance(*_window(found.record, first, samples)), console)

@@ -32,6 +32,8 @@ class Evidence:
         Unknowns that last, if no damage has begun.
     scores : ndarray, shape (m, z)
         Statistic of damage of one zone that began at one onset: chi2 of one degree of freedom while nothing changes.
+    curvature : ndarray, shape (m, z)
+        What this damage [1] adds to its own statistic, over its square; 0 where unknowns that last explain it.
 
     Notes
     -----
@@ -48,7 +50,7 @@ class Evidence:
 
     def __init__(self, mean: Vector, zones: int) -> None:
         self._A, self._g, self._p, self._z = np.eye(mean.size), mean.copy(), mean.size, zones
-        self.lasting, self.scores = mean.copy(), np.zeros((0, zones))
+        self.lasting, self.scores, self.curvature = mean.copy(), np.zeros((0, zones)), np.zeros((0, zones))
 
     def add(self, r: Vector, J: Matrix, stay: NDArray[np.int64]) -> None:
         """Add a window.
@@ -72,9 +74,10 @@ class Evidence:
         beside = self._A[:p, p:]
         S = self._A[p:, p:] - beside.T @ scipy.linalg.cho_solve(factor, beside)
         self._left = S, self._g[p:] - beside.T @ self.lasting
-        size, curvature = np.diag(S), np.diag(self._A)[p:]
-        seen = size > NEGLIGIBLE * curvature
+        size = np.diag(S)
+        seen = size > NEGLIGIBLE * np.diag(self._A)[p:]
         self.scores = np.where(seen, self._left[1] ** 2 / np.where(seen, size, 1.0), 0.0).reshape(-1, z)
+        self.curvature = np.where(seen, size, 0.0).reshape(-1, z)
 
     def likeliest(self) -> int:
         """Return which onset explains most if all damage began there."""

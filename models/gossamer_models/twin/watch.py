@@ -35,6 +35,7 @@ OLDEST = 16  # windows since the oldest of them
 RECENT = 2  # windows all of whose onsets are kept
 NEIGHBOUR, MOVED = 0.1, 1e-3  # damage of a neighbour; an unknown that lasts of one, in units of its prior's deviation
 PRECISE = 1e-2  # of this deviation
+SURE = 1.2816  # deviations of a score: nine of ten are above its mean less these
 SETTLED = 3  # windows that the scale of the scores comes from
 SHIFTS = (-14.0, -7.0, 7.0, 14.0)  # of the best onset [steps]
 ROUNDS = 4
@@ -80,8 +81,11 @@ class Window:
     ----------
     time : float
         End of the window [s].
-    statistic : float
-        Largest score of new damage in one zone, over what raises an alarm [1].
+    evidence : ndarray, shape (zones,)
+        Largest score of new damage in each zone, over what raises an alarm [1].
+    sees : ndarray, shape (zones,)
+        Damage of each zone that would raise an alarm in nine of ten cases if it began in the last windows [1]; infinite in
+        the first window, and where all of its effect could be something else.
     alarm : bool
         Whether new damage is certain.
     misfit : float
@@ -91,10 +95,16 @@ class Window:
     """
 
     time: float
-    statistic: float
+    evidence: Vector
+    sees: Vector
     alarm: bool
     misfit: float
     finding: DamageOnset | None = None
+
+    @property
+    def statistic(self) -> float:
+        """Largest score of new damage in one zone, over what raises an alarm [1]."""
+        return float(self.evidence.max())
 
 
 class Watch:
@@ -246,9 +256,13 @@ class Watch:
             self._z = np.clip(self._z + moves, -BEYOND, BEYOND)
             self._onsets, self._evidence, self._error = self._onsets[:0], None, None
             return self.advance(readings, known)  # the first window again, with better nuisances
+        scale = max(1.0, *self._scores) if self._scores else math.inf
         threshold = float(chdtri(1.0, self._false_alarms / self._evidence.scores.size))
-        statistic = float(self._evidence.scores.max()) / max(1.0, *self._scores) / threshold if self._scores else 0.0
-        alarm = self._suspected is None and statistic > 1.0
+        evidence = self._evidence.scores.max(axis=0) / scale / threshold
+        needed = math.sqrt(scale) * (math.sqrt(threshold) + SURE)
+        with np.errstate(divide="ignore"):
+            sees = needed / np.sqrt(self._evidence.curvature.max(axis=0))
+        alarm = self._suspected is None and bool((evidence > 1.0).any())
         if self._suspected is None and not alarm:  # damage would bend it
             self._found = counted_from(-self._z, self._evidence.lasting)
         judged = JudgedWindow(self._time, place.take(np.zeros(1, dtype=int)), y, loads, self._z, lasting)
@@ -265,7 +279,7 @@ class Watch:
             self._scores += [float(self._evidence.scores.mean())] * (len(self._scores) < SETTLED)
             self._z, self._place = self._z + moves, after.moved_along(moves / MOVED)
             self._evidence.recentre(moves)
-        return Window(time=self._time, statistic=statistic, alarm=alarm, misfit=misfit, finding=finding)
+        return Window(time=self._time, evidence=evidence, sees=sees, alarm=alarm, misfit=misfit, finding=finding)
 
     def _kept(self) -> Rows:
         """Tell which onsets are kept: all of the last windows, and the first of one in 2, 4, 8 earlier ones."""

@@ -192,3 +192,8 @@ def is_explained(watched: Mapping[str, Any]) -> bool:
     """Tell whether the twin explains the last window that it watched, and what followed each alarm."""
     misfit = watched.get("misfit", [])
     return bool(misfit) and misfit[-1] <= LARGE and not watched.get("withheld")
+
+
+def sees_enough(watched: Mapping[str, Any]) -> bool:
+    """Tell whether the twin would have seen in every zone of a watch what it has to."""
+    return all(seen is not None and seen <= watched["see"] for seen in watched.get("sees", []))

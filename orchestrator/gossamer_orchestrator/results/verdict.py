@@ -16,12 +16,13 @@ from ..names import split_endpoint
 from ..pages.page import Kind
 from ..words import counted, percent, uncertain
 from .dataset import find_all, origins_of, parameters_of, zone_label
-from .files import is_explained
+from .files import is_explained, sees_enough
 from .judgements import LEAST_SHOWN, Judgement, doubts, recorded_detector
 from .readers import LEAST_RANGE, Reader, curve_of, readers_of
 
 LEAST_CLEAR = 0.05  # damage of a zone that counts as found, by a detector that states no deviation
 MOST_NAMED = 4  # zones
+UNEXPLAINED = 1.3  # chi2 per sample above which the model is what hides damage
 # share of the errors above two stated deviations, up to which the compensator has said how wrong it is
 WITHIN_BAND = 0.1
 LARGE_ERROR = 0.5  # RMS error of recovered strain over the range of the true one, from which the strain is called wrong
@@ -211,11 +212,30 @@ def _watch_sentences(watched: dict[str, Any] | None) -> list[str]:
     """Say what the twin that watched the run found."""
     if not watched:
         return []
-    alarms, findings = watched.get("alarms", []), watched.get("findings", [])
+    alarms, findings, seen = watched.get("alarms", []), watched.get("findings", []), sight(watched)
     if not alarms:
-        return [f"The digital twin raised no alarm in {counted(len(watched.get('misfit', [])), 'window')}."]
+        return [f"The digital twin raised no alarm in {counted(len(watched.get('misfit', [])), 'window')}.", *seen]
     dated = findings if _explained(watched) is None else findings[:-1]  # the headline says the last
-    return [f"The digital twin raised its first alarm at t = {alarms[0]:.4f} s.", *map(_dated, dated)]
+    return [f"The digital twin raised its first alarm at t = {alarms[0]:.4f} s.", *map(_dated, dated), *seen]
+
+
+def sight(watched: Mapping[str, Any]) -> list[str]:
+    """Say which damage a watch sees; if that is too much, in which zones, and why."""
+    sees = np.array(watched.get("sees", []), dtype=float)  # what nothing shows is not a number
+    if not sees.size:
+        return []
+    if sees_enough(watched):
+        return [f"In every zone {percent(float(sees.max()))} of damage would raise an alarm in nine of ten cases."]
+    order = np.argsort(-np.nan_to_num(sees, nan=np.inf), kind="stable")
+    blind = [int(z) for z in order if not sees[z] <= watched["see"]]
+    least = ["any" if np.isnan(each) else percent(float(each)) for each in sees]
+    parts = [f"{least[z]} in zone {zone_label(watched['zones'][z])}" for z in blind]
+    more = " and more" * (len(parts) > MOST_NAMED)
+    scale = float(np.median(watched["misfit"]))
+    why = "The noise of the sensors hides it; give quieter readings, more sensors or a longer record."
+    if scale > UNEXPLAINED:
+        why = f"The readings differ from the twin by more than noise: chi2 per sample is {scale:.2g}. Check the model."
+    return [f"The watch is blind to some damage: up to {', '.join(parts[:MOST_NAMED])}{more}. {why}"]
 
 
 def _dated(finding: Mapping[str, Any]) -> str:

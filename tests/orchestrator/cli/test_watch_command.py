@@ -6,7 +6,6 @@ import json
 import pickle
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +14,7 @@ from gossamer import LiveWatch
 from gossamer.records import find_in_results
 from gossamer_models.batch import Batch
 from gossamer_models.membrane import membrane_model, square_structure
+from gossamer_models.twin import Window
 from gossamer_orchestrator import Recorder, Simulation, load_scenario, make_plan
 from gossamer_orchestrator.results.dataset import make_dataset
 from gossamer_orchestrator.scenario.schema import Recording
@@ -59,6 +59,16 @@ def test_an_alarm_is_printed_and_the_finding_written(record):
     assert finding["damage"] == pytest.approx(0.3 * np.eye(16)[5], abs=0.03)
 
 
+def test_a_watch_that_is_blind_to_what_it_has_to_see_says_so(record, tmp_path):
+    result = invoke(["watch", str(record), *MESH, "--see", "0.004", "--out", str(tmp_path / "watch.json")])
+    assert result.exit_code == 3, result.output
+    assert "The watch is blind to some damage: up to " in " ".join(result.stderr.split())
+    found = json.loads((tmp_path / "watch.json").read_text(encoding="utf-8"))
+    assert found["see"] == 0.004
+    assert 0.004 < max(found["sees"]) < 0.1
+    assert np.shape(found["score"]) == (len(found["time"]), 16)
+
+
 def test_what_no_new_damage_explains_has_an_alarm_and_no_zones(record, tmp_path):
     """The twin's film contracts across its strain by less than that of the record: no unknown of the watch says so."""
     result = invoke(["watch", str(record), *MESH, "--set", "poisson_ratio=0.2", "--out", str(tmp_path / "watch.json")])
@@ -75,6 +85,7 @@ def test_what_no_new_damage_explains_has_an_alarm_and_no_zones(record, tmp_path)
         (["--window", "0.001"], "needs 20 or more"),
         (["--window", "nan"], "--window is nan. Write a positive number."),
         (["--window", "0.4"], "less than two windows"),
+        (["--see", "10"], "--see is 10. Write a damage between 0 and 1"),
         (["--set", "stiffness=1"], "no parameter 'stiffness'"),
     ],
 )
@@ -101,7 +112,8 @@ def test_the_observer_hands_every_sample_to_the_twin_once(built, monkeypatch, tm
 
         def advance(self, values, loads):
             taken.append(values)
-            return SimpleNamespace(time=float(len(taken)), misfit=1.0, statistic=0.0, alarm=len(taken) == 2, finding=None)
+            none = np.zeros(len(self.zones))
+            return Window(time=float(len(taken)), misfit=1.0, evidence=none, sees=none, alarm=len(taken) == 2)
 
     monkeypatch.setattr(sys.modules[LiveWatch.__module__], "_begin", lambda *_: Twin())
     recorder = Recorder(plan)

@@ -16,7 +16,7 @@ from gossamer_files.charts import Array, Chart, Stages, Trace, band, bars, curve
 from gossamer_files.plots import Panels
 
 from ...errors import ResultsError
-from ..dataset import find, find_all, need, parameters_of, zone_labels
+from ..dataset import find, find_all, need, parameters_of, zone_label, zone_labels
 from ..judgements import LARGEST_MISFIT, LARGEST_RISK, LEAST_SIMILARITY, MOST_WINDOWS, changes, doubts, judge, true_damage
 from ..readers import Recorded, over_time
 
@@ -270,12 +270,15 @@ def doubt_charts(judged: DamageHistory) -> list[Chart]:
         title = "Risk that the detector is wrong"
         charts.append(_measured(title, judged.time, risk, 100.0 * LARGEST_RISK, "risk [%]", note))
     if watch.get("time") and watch.get("score"):
-        named = (("chi2 per sample", "misfit", "@0"), ("score of new damage", "score", "@1"))
-        time = np.array(watch["time"])
-        traces = [_line(name, time, np.array(watch[key], dtype=float), color) for name, key, color in named]
-        note = f"At the end of each of its windows. {EXPLAINED} A score of new damage above 1 is an alarm."
+        time, scores = np.array(watch["time"]), np.array(watch["score"], dtype=float)
+        scores[scores == 0.0] = np.nan  # nothing was judged
+        traces = [_line("chi2 per sample", time, np.array(watch["misfit"], dtype=float), "@ink")]
+        for i, z in enumerate(np.argsort(-np.nan_to_num(scores).max(axis=0), kind="stable")[:COLORED].tolist()):
+            traces.append(_line(f"zone {zone_label(watch['zones'][z])}", time, scores[:, z], f"@{i}"))
+        note = f"At the end of each of its windows. {EXPLAINED} A score of new damage in a zone above 1 is an alarm."
         layout = {"yaxis": {"type": "log"}}
-        charts.append(over_time("Misfit of the digital twin", "[1]", traces, note=note, marks=_alarms(watch), layout=layout))
+        title = "Misfit and evidence of the digital twin"
+        charts.append(over_time(title, "[1]", traces, note=note, marks=_alarms(watch), layout=layout))
     return charts + _indices(judged)
 
 
