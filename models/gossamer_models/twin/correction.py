@@ -50,8 +50,9 @@ def corrected(fit: Fit, finer: Forward, components: Matrix, noise: Vector, *, sp
     .. [1] K. Bohmer, P. W. Hemker, H. J. Stetter, Computing Supplementum 5, 1-32, 1984, doi:10.1007/978-3-7091-7023-6_1.
     """
     own = problem = fit.problem.under(noise)
-    if fit.per_sample >= HOPELESS or (simulated and _made_by(own, fit)):
-        return again(fit, own, sparse=sparse)
+    hopeless = fit.per_sample >= HOPELESS
+    if hopeless or (simulated and _made_by(own, fit)):
+        return again(fit, own, sparse=sparse, hopeless=hopeless)
     found, settled, move = fit, False, np.zeros(fit.problem.zones)
     for _ in range(ROUNDS):
         try:

@@ -25,6 +25,8 @@ DAMPINGS = np.array([0.0, 1e-3, 1e-2, 0.05, 0.2, 1.0, 5.0, 50.0])  # one for eac
 NEGLIGIBLE = 0.02  # of chi2: no damage moves by more than a seventh of its deviation
 LINEAR = 0.9  # share of what the model promised
 LITTLE = 0.1  # share of it with which no more is gained: chi2 of sensors with plays has edges
+FAR = 3.0  # chi2 per value of a record that is not explained
+ROUGHLY = 0.1  # share of what is above this that is not worth a step
 SHORT = 5.0  # of chi2: longer steps change the derivatives
 
 
@@ -227,7 +229,7 @@ def descend(problem: LeastSquares, start: Vector, free: Rows, most: int = 12, en
     most : int
         Iterations.
     enough : float
-        Stop where the quadratic model promises less of chi2 than this.
+        Stop where the quadratic model promises less of chi2 than this, or a tenth of what is above three per value.
 
     Raises
     ------
@@ -245,7 +247,8 @@ def descend(problem: LeastSquares, start: Vector, free: Rows, most: int = 12, en
         low, high = problem.low[free] - point.x[free], problem.high[free] - point.x[free]
         moves = [bounded_minimum(model.A + np.diag(lam * np.diag(model.A)), model.g, low, high) for lam in DAMPINGS]
         promised = -change(model.A, model.g, moves[0])
-        if promised < enough:
+        least = max(enough, ROUGHLY * (point.chi2 - FAR * problem.y.size))
+        if promised < least:
             break
         trials = np.repeat(point.x[None], len(moves), axis=0)
         trials[:, free] = np.clip(trials[:, free] + moves, problem.low[free], problem.high[free])
@@ -253,7 +256,7 @@ def descend(problem: LeastSquares, start: Vector, free: Rows, most: int = 12, en
         gained = point.chi2 - best.chi2
         if gained > 0.0:
             point = best
-        if fresh and gained < max(enough, LITTLE * promised):
+        if fresh and gained < max(least, LITTLE * promised):
             break
         fresh = promised > SHORT or gained < LINEAR * promised
         if fresh:

@@ -237,9 +237,12 @@ def _ended(whole: RecordProblem, start: Begun, *, sparse: bool, rounds: int = RO
         return None
 
 
-def again(fit: Fit, problem: RecordProblem, *, sparse: bool, rounds: int = ROUNDS) -> Fit:
-    """Return the fit of a problem with other weights, from where another one ended; that one if it fails."""
-    ended = _ended(problem, fit.end, sparse=sparse, rounds=rounds)
+def again(fit: Fit, problem: RecordProblem, *, sparse: bool, rounds: int = ROUNDS, hopeless: bool = False) -> Fit:
+    """Return the fit of a problem with other weights, from where another one ended; that one if it fails.
+
+    Of one that is hopeless a few steps are followed.
+    """
+    ended = _ended(problem, replace(fit.end, hopeless=hopeless), sparse=sparse, rounds=rounds)
     return fit if ended is None else replace(ended, vague=fit.vague)
 
 

@@ -42,6 +42,7 @@ SUSPECT = 0.5  # deviations of chi2 above the expected one from which on wirings
 Progress: TypeAlias = Callable[[float, int], None]  # length of the record [s], and simulations that were made
 ESTIMATES, SAME_NOISE = 2, 0.9  # of noise from what a fit leaves, while it falls below this share
 HIDES = 0.5  # of the noise: where the error of the mesh is larger, a finer one is simulated at the fit
+COLOURED = 100.0  # chi2 per sample up to which noise may be coloured: what is slow leaves so much of what is fast
 FLOOR = 3.0  # times the noise: no search takes the mesh for more exact, before a finer one is simulated
 LEFT = {"strain": 0.15, "resistance": 0.3}  # of the error of the thesis' square: measured of order 8 by pairs of order 12
 WIRED = 20.0  # of chi2: what another wiring of a record that fits must explain
@@ -176,7 +177,8 @@ class Twin:
             else:
                 wiring = None
         white, (fit, looked, unresolved) = fit, self._looked(record, fit, report)
-        if not fit.passes and record.noise is None and not isinstance(record, StaticRecord):
+        unknown = record.noise is None and not isinstance(record, StaticRecord)
+        if unknown and not fit.passes and fit.per_sample < COLOURED:
             anew, weighed = partial(self._searched, report=report), self._weighed
             known, other, others = in_colour(record, white, self._forward.period, anew, weighed)
             if other is not white:
