@@ -386,3 +386,12 @@ def test_a_hopeless_record_is_given_up_soon(forward, twin):
     given_up, found = (twin.fit(ResponseRecord(step=STEP, values=values, noise=NOISE)) for values in (wrong, right))
     assert not given_up.valid
     assert given_up.simulations < 2 * found.simulations
+
+
+def test_a_record_in_another_order_takes_the_noise_of_each_sensor_along():
+    values = np.arange(180.0).reshape(3, 60)
+    noise, correlation = np.array([1.0, 2.0, 3.0]), np.array([0.0, 0.1, 0.2])
+    moved = ResponseRecord(step=1e-3, values=values, noise=noise, correlation=correlation).ordered([2, 0, 1])
+    assert moved.values.tolist() == values[[2, 0, 1]].tolist()
+    assert moved.noise.tolist() == [3.0, 1.0, 2.0]
+    assert moved.follows.tolist() == [0.2, 0.0, 0.1]

@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from gossamer_models import DataError, ParameterError
+from gossamer_models import DataError, GossamerError, ParameterError
 from gossamer_models.batch import Batch
 from gossamer_models.membrane import membrane_model, square_structure
 from gossamer_models.sensor import default_artifact, sensor_model
@@ -187,3 +187,26 @@ def test_windows_of_another_shape_are_refused(shape):
 def test_numbers_without_meaning_are_refused(wrong):
     with pytest.raises(ParameterError):
         Watch(**{"noise": NOISE, **wrong})
+
+
+def test_a_window_that_is_refused_changes_nothing():
+    """The same window without the mistake is judged as if there had been none."""
+    parts = np.split(noisy(strains(0.0, 1, 0.0), 6), WINDOWS, axis=1)[:3]
+    watch, other = Watch(NOISE, SQUARE), Watch(NOISE, SQUARE)
+    still = {"pressure": np.zeros(SAMPLES)}
+    for part in parts[:2]:
+        for each in (watch, other):
+            each.advance(part, still)
+    with pytest.raises(GossamerError):
+        watch.advance(parts[2], {"pressure": np.full(SAMPLES, np.nan)})
+    assert watch.advance(parts[2], still).evidence == pytest.approx(other.advance(parts[2], still).evidence)
+
+
+def test_a_sensor_that_drifts_from_window_to_window_does_not_bend_the_finding():
+    """Twenty deviations of the noise a window, which is any offset in each."""
+    drift = np.zeros((4, SAMPLES * WINDOWS))
+    drift[1] = 20.0 * NOISE * (np.arange(SAMPLES * WINDOWS) // SAMPLES)
+    judged = windows(Watch(NOISE, SQUARE), noisy(strains(0.2104, 6, 0.3), 4) + drift)
+    (finding,) = (window.finding for window in judged if window.finding)
+    assert finding.damage == pytest.approx(0.3 * np.eye(16)[5], abs=0.03)
+    assert finding.chi2_per_sample == pytest.approx(1.0, abs=0.1)

@@ -85,7 +85,7 @@ class OnsetProblem(LeastSquares):
         self.y = weights.weigh(np.nan_to_num(y)[None])[0]
         self.low, self.simulated = np.zeros(1 + before.size), 1 + before.size
         self.high = np.r_[y.shape[1] - 1.0, np.full(before.size, MOST_DAMAGE)]
-        self.values = weights.values - len(y)
+        self.values = weights.values - len(y) * len(windows)  # an offset of each sensor in each window
         self.prior = np.r_[float(self._length) ** -2, np.ones(before.size)]  # weak: any time, any damage
         self.steps = np.r_[1.0, np.full(before.size, DAMAGE_STEP)]
 

@@ -245,7 +245,8 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         given = {name: float(value[0]) for name, value in self.nuisances.moved(z).items()}
         slopes = self.model.state_slopes(self.damage(x)[0], given, loads)
         moves = np.array([slopes[self.groups == zone].sum(axis=0) for zone in zones]).reshape(-1, *slopes.shape[1:])
-        moved = self.weigh(point.predicted + moves[:, :, self.record.state], np.repeat(x, len(zones), axis=0))
+        read = moves[:, :, self.record.state] + (0.0 if self.added is None else self.added.along(zones))
+        moved = self.weigh(point.predicted + read, np.repeat(x, len(zones), axis=0))
         by_damage = require_finite((moved - (self.y - point.r)).T)
         return np.hstack([by_damage, super().derivatives(point, free & (np.arange(self.size) >= self.zones))])
 

@@ -118,7 +118,7 @@ class ResponseRecord:
     @property
     def follows(self) -> Vector:
         """Correlation of the noise of each sensor in neighbouring samples [1], shape (sensors,)."""
-        return np.broadcast_to(np.asarray(self.correlation, dtype=float), self.values.shape[:1])
+        return self._of_each(self.correlation)
 
     @property
     def present(self) -> Rows:
@@ -146,8 +146,18 @@ class ResponseRecord:
         return self.values[:, : other.samples], 1.0
 
     def ordered(self, order: Sequence[int]) -> ResponseRecord:
-        """Return the record with its rows in another order."""
-        return replace(self, values=self.values[list(order)])
+        """Return the record with its rows in another order, each with its noise."""
+        rows = list(order)
+        return replace(
+            self,
+            values=self.values[rows],
+            noise=self.noise if self.noise is None else self._of_each(self.noise)[rows],
+            correlation=self.follows[rows],
+            least_noise=self._of_each(self.least_noise)[rows],
+        )
+
+    def _of_each(self, value: float | Vector) -> Vector:
+        return np.broadcast_to(np.asarray(value, dtype=float), self.values.shape[:1])
 
     def noise_deviation(self, predicted: Matrix | float = 0.0) -> Vector:
         r"""Return the standard deviation of the noise of each sensor, shape (sensors,), not a number for sensors left out.

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property, partial
 from typing import Literal, TypeAlias
 
@@ -194,7 +195,8 @@ class Twin:
             )
         doubts += looked
         if not fit.passes:
-            wider = self._problem(record, report, wider=True, noise=fit.problem.noise).like(fit.problem, fit.point)
+            wider = self._problem(record, report, fit.problem.groups, wider=True, noise=fit.problem.noise)
+            wider = wider.like(fit.problem, fit.point)
             doubts[:0] = [reason] if (reason := likely_reason(fit, wider)) else []
         return self._answer(fit, doubts, wiring, unresolved)
 
@@ -206,7 +208,9 @@ class Twin:
             whole = self._problem(record, report, groups, noise=fit.problem.noise).like(fit.problem, fit.point)
             means = np.bincount(groups, fit.point.x[: self.zones]) / np.bincount(groups)
             together, _ = search([whole], sparse=self.sparse, given=means)
-            fit = together if together.passes else fit
+            vague = np.broadcast_to(fit.vague, self.zones)
+            largest = np.array([vague[groups == group].max() for group in range(groups.max() + 1)])
+            fit = replace(together, vague=largest) if together.passes else fit
         if self._parted is None or isinstance(record, StaticRecord):
             return fit, [], unresolved
         return *self._parted.look(fit, sparse=self.sparse), unresolved
@@ -392,7 +396,9 @@ class Twin:
         return self.discrepancy is not None and is_learned(self._forward, self.discrepancy)
 
     def _discrepancy_of(self, record: ResponseRecord, report: Progress) -> Discrepancy | None:
-        """Return what finer meshes would add: where sensors may be off their model, to what they read."""
+        """Return what finer meshes would add to a history: where sensors may be off their model, to what they read."""
+        if isinstance(record, StaticRecord):
+            return None
         if self.discrepancy is None or not self._may_be_off(record):
             return self.discrepancy
         if self._behind is None:

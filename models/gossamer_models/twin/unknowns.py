@@ -130,6 +130,13 @@ class Added:
         """Return what is added at rows of unknowns, shape (m, s, n)."""
         return self.strain + np.tensordot(x[:, self.moving] - self.x[self.moving], self.slopes, 1)
 
+    def along(self, unknowns: NDArray[np.int64]) -> Matrix:
+        """Return the derivatives by some unknowns, shape (m, s, n); 0 where there are none."""
+        found = np.zeros((unknowns.size, *self.strain.shape))
+        _, rows, moving = np.intersect1d(unknowns, self.moving, return_indices=True)
+        found[rows] = self.slopes[moving]
+        return found
+
     def at(self, x: Vector) -> Added:
         """Return what is added at unknowns, for others than these."""
         return Added(self.to(x[None])[0], x, self.moving[:0], self.slopes[:0])

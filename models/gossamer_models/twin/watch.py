@@ -223,17 +223,17 @@ class Watch:
         stay = np.flatnonzero(self._kept())
         begins = np.arange(BEGINNINGS) * n // BEGINNINGS  # of new neighbours [steps]
         new = np.column_stack([np.full(BEGINNINGS, self._window), self._time + self._h * begins])
-        self._onsets = np.vstack([self._onsets[stay], new])
+        onsets = np.vstack([self._onsets[stay], new])
         common = 1 + len(self._z)
-        cases = common + zones * len(self._onsets)
+        cases = common + zones * len(onsets)
         old = np.r_[:common, (common + zones * stay[:, None] + np.arange(zones)).ravel()]
         place = place.take(np.pad(old, (0, cases - old.size)))  # new neighbours begin where the twin stands
 
         signs = np.where(self._damage + NEIGHBOUR > MOST_DAMAGE, -NEIGHBOUR, NEIGHBOUR)
-        steps = np.r_[np.full(len(self._z), MOVED), np.tile(signs, len(self._onsets))]
+        steps = np.r_[np.full(len(self._z), MOVED), np.tile(signs, len(onsets))]
         since = np.repeat(np.r_[np.zeros(len(stay)), begins], zones)
         damage = np.broadcast_to(self._damage, (cases, n, zones)).copy()
-        which = np.tile(np.diag(signs), (len(self._onsets), 1))
+        which = np.tile(np.diag(signs), (len(onsets), 1))
         damage[common:] += np.where(np.arange(n) >= since[:, None], 1.0, 0.0)[:, :, None] * which[:, None]
         histories = {name: np.repeat(load[None], cases, axis=0) for name, load in loads.items()}
         for case, z in enumerate(self._around()):
@@ -243,6 +243,7 @@ class Watch:
         if not np.isfinite(found).all():
             msg = f"the twin's membrane failed after t = {self._time:.6g} s. Check its load, damage and parameters."
             raise ConvergenceError(msg)
+        self._onsets = onsets  # not before: a window that is refused leaves everything as it was
 
         present, slopes = np.isfinite(y), (found[1:] - found[0]) / steps[:, None, None]
         lasting = np.concatenate([slopes[: common - 1], self._of_sensors(felt[0], found[0])])
@@ -303,14 +304,13 @@ class Watch:
         return (each[:, None] * np.eye(len(reading))[:, :, None]).reshape(-1, *reading.shape)
 
     def _weights(self, *present: Rows) -> RecordWeights:
-        """Return what windows are weighed by: noise, any offset, and what the errors of sensors leave in each of them."""
+        """Return what windows are weighed by: noise, and in each of them any offset and what the errors of sensors leave."""
         whole = np.concatenate(present, axis=1)
         offset = np.broadcast_to(ANY * self._sigma[:, None], (1, *whole.shape))
-        if self._error is None:
-            return RecordWeights(whole, self._sigma, offset[:0], own=offset)
         own, first = list[Matrix](), 0
         for n in (each.shape[1] for each in present):
-            rows = np.concatenate([offset[:, :, :n], self._error.rest(REST, n)])
+            rest = [] if self._error is None else [self._error.rest(REST, n)]
+            rows = np.concatenate([offset[:, :, :n], *rest])
             own.append(np.pad(rows, ((0, 0), (0, 0), (first, whole.shape[1] - first - n))))
             first += n
         return RecordWeights(whole, self._sigma, offset[:0], own=np.concatenate(own))
