@@ -188,7 +188,7 @@ def test_conditions_of_a_setup_vary_what_it_has(setup):
     plan = replace(campaign_of_setup(Mesh(setup=setup), cases=1), stop=0.25)
     put = {condition.name: condition for condition in conditions(plan, finer(plan.membrane), 8)}
     square = {condition.name for condition in conditions(plan_of_square(), finer(Mesh()), 8)}
-    of_square = {"whole chain", "healthy, whole chain", "other sensors"}
+    of_square = {"whole chain", "healthy, whole chain", "other sensors", "less sensitive sensors"}
     assert square - set(put) == {*of_square, "prestrain x 0.9", "prestrain x 1.05"}  # it is not prestressed
     assert set(put["modulus x 0.98"].campaign.vary) == {"youngs_modulus[1]"}
     assert put["another mesh"].campaign.membrane.setup.order == 2

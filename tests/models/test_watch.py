@@ -199,6 +199,10 @@ def test_a_window_that_is_refused_changes_nothing():
             each.advance(part, still)
     with pytest.raises(GossamerError):
         watch.advance(parts[2], {"pressure": np.full(SAMPLES, np.nan)})
+    with pytest.raises(DataError, match="has the loads none, and the watch knows pressure"):
+        watch.advance(parts[2])
+    with pytest.raises(DataError, match="has the loads presure, and the watch knows none"):
+        Watch(NOISE, SQUARE).advance(parts[0], {"presure": np.zeros(SAMPLES)})
     assert watch.advance(parts[2], still).evidence == pytest.approx(other.advance(parts[2], still).evidence)
 
 

@@ -205,7 +205,8 @@ class Watch:
         Raises
         ------
         DataError
-            The readings have another shape, or fewer columns than zones and sensors.
+            The readings have another shape, or fewer columns than zones and sensors; or there are other loads than in the
+            first window, or one that is no input of the membrane.
         ConvergenceError
             The simulation has failed.
         """
@@ -218,6 +219,13 @@ class Watch:
             )
             raise DataError(msg)
         known, n = loads or {}, y.shape[1]
+        wanted = self._loads if self._place else tuple(name for name in known if name in self._sensed.forward.inputs)
+        if set(known) != set(wanted):
+            msg = (
+                f"a window has the loads {', '.join(known) or 'none'}, and the watch knows {', '.join(wanted) or 'none'}. "
+                "Give the same inputs of the membrane in every window."
+            )
+            raise DataError(msg)
         place = self._place or self._begin(known)
         loads = {name: factor * known[name] for name, factor in self._factors(self._z).items()}
         stay = np.flatnonzero(self._kept())
