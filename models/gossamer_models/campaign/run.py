@@ -15,6 +15,7 @@ import time
 import uuid
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from importlib.metadata import version
@@ -230,7 +231,9 @@ def _on_cores(task: ChunkTask, chunks: Sequence[int], workers: int | None) -> It
     while left:
         pool = ProcessPoolExecutor(min(workers, len(left)), get_context("spawn"), initializer=_begin_worker)
         try:
-            for future in as_completed([pool.submit(write_chunk, task, chunk) for chunk in left]):
+            with _without_ctrl_c():  # workers are started by these calls
+                futures = [pool.submit(write_chunk, task, chunk) for chunk in left]
+            for future in as_completed(futures):
                 left.remove(future.result())
                 deaths = 0
                 yield future.result()
@@ -242,6 +245,19 @@ def _on_cores(task: ChunkTask, chunks: Sequence[int], workers: int | None) -> It
                 raise CampaignStoppedError(msg) from error
         finally:
             pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def _without_ctrl_c() -> Iterator[None]:
+    """Hold Ctrl-C back, for ever in processes that are started meanwhile: one that imports would end with a traceback."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _begin_worker() -> None:
