@@ -62,6 +62,16 @@ def test_the_share_is_what_finer_meshes_change(coarse, errors):
     assert 0.15 < found.left < 0.6  # bilinear strain converges with the first to second power of the size
 
 
+def test_one_load_state_has_an_error_of_its_mesh_too(coarse, errors):
+    whole = record(coarse, np.zeros(4), 1e-5)
+    last = whole.state == 5
+    state, load = np.zeros(last.sum(), dtype=int), {"pressure": PRESSURE[5:]}
+    one = replace(whole, values=whole.values[:, last], state=state, names=("f",), inputs=load)
+    found = errors.of(one)
+    assert 0.3 < found.share / errors.of(whole).share < 3.0
+    assert found.buries
+
+
 def test_stated_deviations_hold_on_a_mesh_that_they_were_not_learned_from(coarse, truth, errors):
     z = []
     for k in range(4):

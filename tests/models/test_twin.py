@@ -9,9 +9,9 @@ from gossamer_models import DataError, ParameterError
 from gossamer_models.membrane import MembraneParams, square_structure
 from gossamer_models.sensor import default_artifact
 from gossamer_models.twin import MembraneForward, ResponseRecord, Twin, make_record, read_loads, read_table
-from gossamer_models.twin.discrepancy import SPACING, Discrepancy
+from gossamer_models.twin.discrepancy import SPACING, Discrepancy, is_load_learned
 from gossamer_models.twin.nuisances import BY_DEFAULT
-from gossamer_models.twin.record import dead_sensors
+from gossamer_models.twin.record import StaticRecord, dead_sensors, less_healthy
 from gossamer_models.twin.search import search
 from gossamer_models.twin.simulation import SensedForward
 
@@ -395,3 +395,56 @@ def test_a_record_in_another_order_takes_the_noise_of_each_sensor_along():
     assert moved.values.tolist() == values[[2, 0, 1]].tolist()
     assert moved.noise.tolist() == [3.0, 1.0, 2.0]
     assert moved.follows.tolist() == [0.2, 0.0, 0.1]
+
+
+def test_a_record_under_other_loads_than_the_error_of_the_mesh_was_learned_with_is_not_valid(forward):
+    learned = Discrepancy(elements_per_side=4, order=1, length=0.18, components=np.zeros((1, 4, 57)), provenance={})
+    load = np.full(STEPS, 5e3)  # half of the built-in one
+    values = forward.forward.strain(TWO[None], {}, {"pressure": load}, STEPS, STEP)[0]
+    values = values + NOISE * np.random.default_rng(0).standard_normal(values.shape)
+    answer = Twin(SQUARE, discrepancy=learned).fit(
+        ResponseRecord(step=STEP, values=values, noise=NOISE, inputs={"pressure": load})
+    )
+    assert not answer.valid
+    assert any("the record has other loads beside it" in doubt for doubt in answer.doubts)
+
+
+@pytest.mark.parametrize(("name", "small", "large"), [("pressure", 1e3, 2e3), ("base_acceleration", 200.0, 2000.0)])
+def test_small_loads_beside_the_built_in_one_change_no_error_of_the_mesh(forward, name, small, large):
+    for load, learned in ((small, True), (large, False)):
+        of_time = ResponseRecord(step=STEP, values=np.ones((4, 60)), inputs={name: np.linspace(0.0, -load, 60)})
+        from_start = ResponseRecord(step=STEP, values=np.ones((4, 60)), start={name: load})
+        assert is_load_learned(forward.forward, of_time) == is_load_learned(forward.forward, from_start) == learned
+
+
+def test_too_few_samples_of_what_is_compared_ask_for_a_shorter_step():
+    record = ResponseRecord(step=10e-3, values=np.random.default_rng(0).standard_normal((4, 90)))
+    with pytest.raises(DataError, match=r"30 samples of the record are compared; the twin needs 60\. Record with a shorter"):
+        Twin().fit(record)
+
+
+def test_likelihoods_of_one_record_with_other_noises_are_compared(twin, forward):
+    """Of white noise of deviation s alone, the determinant of n values is s^(2 n)."""
+    record = ResponseRecord(step=STEP, values=strain(forward, TWO), noise=NOISE)
+    exact = Twin(SQUARE, known=BY_DEFAULT)
+    for noise in (np.full(4, NOISE), NOISE * np.arange(1.0, 5.0)):
+        determinant = exact._problem(record, noise=noise).log_determinant
+        assert determinant == pytest.approx(2.0 * STEPS * np.log(noise).sum())
+
+
+def test_a_gap_in_a_healthy_reading_of_a_load_state_loses_no_other():
+    state = np.repeat([0, 1], 10)
+    values = np.add.outer(np.arange(3.0), np.where(state == 0, 1.0, 2.0))
+    record = StaticRecord(values=values + 0.5, noise=0.1, state=state, names=("a", "b"))
+    healthy = replace(record, values=np.where((np.arange(20) == 4) & (np.arange(3)[:, None] == 1), np.nan, values))
+    left = less_healthy(record, healthy, np.zeros((3, 20)))
+    assert left.values == pytest.approx(np.full((3, 20), 0.5))
+    assert left.noise == pytest.approx(0.1 * np.sqrt([2.0, 1.0 + 10.0 / 9.0, 2.0]))  # ten readings share a mean of nine
+
+
+def test_noise_that_nobody_has_stated_stays_unknown_beside_a_healthy_record():
+    random = np.random.default_rng(0)
+    one, other = (ResponseRecord(step=STEP, values=random.standard_normal((4, 2000))) for _ in range(2))
+    left = less_healthy(one, other, np.zeros((4, 2000)))
+    assert left.noise is None
+    assert left.noise_deviation() == pytest.approx(np.full(4, np.sqrt(2.0)), rel=0.15)

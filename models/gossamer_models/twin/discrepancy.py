@@ -31,6 +31,7 @@ from ..compiler import kept_library
 from ..errors import ArtifactError, DataError, require
 from ..membrane import MembraneParams, square_structure
 from .forward import Forward, MembraneForward
+from .record import ResponseRecord
 from .simulation import SensorBank
 
 SCHEMA, VERSION = "gossamer.discrepancy", 1
@@ -246,3 +247,12 @@ def is_learned(forward: Forward, learned: Discrepancy) -> bool:
     return all(
         1.0 / (1.0 + LEARNED.get(name, 1e-9)) <= ratio <= 1.0 + LEARNED.get(name, 1e-9) for name, ratio in ratios.items()
     )
+
+
+def is_load_learned(forward: Forward, record: ResponseRecord) -> bool:
+    """Tell whether a record of the square has other loads beside the built-in one that are small enough."""
+    given = forward.parameters
+    loads = {name: np.asarray(load) for name, load in {**forward.inputs, **record.start, **record.inputs}.items()}
+    pressure, acceleration = (float(np.abs(loads[name]).max()) for name in ("pressure", "base_acceleration"))
+    beside = pressure + given["density"] * given["thickness"] * acceleration
+    return beside <= LEARNED["pressure_amplitude"] * given["pressure_amplitude"]

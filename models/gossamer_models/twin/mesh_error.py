@@ -134,9 +134,9 @@ class MeshError:
     def _learned(self, delta: Matrix) -> Matrix:
         """Return components of some differences, shape (m, s, n)."""
         _, s, n = delta.shape
-        means = delta.mean(axis=2)
-        offsets = np.sqrt(np.mean(means**2, axis=0))[:, None, None] * np.eye(s)[:, :, None] * np.ones(n)
         moving = _moving(delta)
+        means = (delta - moving).mean(axis=2)
+        offsets = np.sqrt(np.mean(means**2, axis=0))[:, None, None] * np.eye(s)[:, :, None] * np.ones(n)
         size, along = _principal(moving)
         largest = (size[:LARGEST, None] * along[:LARGEST]).reshape(-1, s, n)
         rest = []
@@ -327,7 +327,8 @@ def _principal(delta: Matrix) -> tuple[Vector, Matrix]:
 
 
 def _moving(y: Matrix) -> Matrix:
-    return np.asarray(y - y.mean(axis=-1, keepdims=True))
+    """Return values less their means over samples or load states; of one state, the values."""
+    return np.asarray(y - y.mean(axis=-1, keepdims=True)) if y.shape[-1] > 1 else y
 
 
 def _rms(y: Matrix) -> float:

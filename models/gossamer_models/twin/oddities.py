@@ -42,7 +42,7 @@ def oddity(problem: RecordProblem, r: Vector, J: Matrix, A: Matrix) -> str:
     stated, coloured = problem.noise <= problem.record.least_noise, list[tuple[int, int, Vector]]()
     for k, values in enumerate(problem.of_sensors, 1):
         mine = r[values]
-        wide = 1.0 + doubt_of_noise(problem, mine.size)
+        wide = 1.0 + doubt_of_noise(problem, int(problem.record.present[k - 1].sum()))
         parts = [(mine, "")]
         if problem.in_time and mine.size >= LEAST_SAMPLES:
             parts += [(part, f" in quarter {q} of the time") for q, part in enumerate(np.array_split(mine, 4), 1)]
@@ -73,9 +73,9 @@ def oddity(problem: RecordProblem, r: Vector, J: Matrix, A: Matrix) -> str:
     return least[1] if least[0] * len(found) < 1.0 - CONFIDENCE else ""
 
 
-def chi2_bound(problem: RecordProblem) -> float:
-    """Return the bound on chi2 per sample of a right model; wider where the noise was estimated from the record."""
-    bound = float(chdtri(problem.values, 1.0 - CONFIDENCE)) / problem.values
+def chi2_bound(problem: RecordProblem, damages: int = 0) -> float:
+    """Return the bound on chi2 per sample of a right model whose damages were fitted; wider where the noise is estimated."""
+    bound = float(chdtri(max(1, problem.values - damages), 1.0 - CONFIDENCE)) / problem.values
     return bound * (1.0 + doubt_of_noise(problem, int(problem.record.present.sum())))
 
 

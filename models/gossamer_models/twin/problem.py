@@ -197,8 +197,10 @@ class RecordProblem(DamageUnknowns, LeastSquares):
 
     @property
     def log_determinant(self) -> float:
-        """Of the covariance of the record beside the nuisances that are fitted, in units of the noise's."""
-        return self._weights.log_determinant
+        """Of the covariance of the record beside the nuisances that are fitted."""
+        sizes = np.array([part.stop - part.start for part in self.of_sensors])
+        seen = sizes > 0  # the noise of sensors that are left out is no number
+        return self._weights.log_determinant + 2.0 * float(sizes[seen] @ np.log(self.noise[seen]))
 
     @property
     def _common(self) -> Matrix:

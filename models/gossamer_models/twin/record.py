@@ -141,9 +141,9 @@ class ResponseRecord:
         inputs = {name: load[:samples] for name, load in self.inputs.items()}
         return replace(self, values=self.values[:, :samples], inputs=inputs)
 
-    def at(self, other: ResponseRecord) -> tuple[Matrix, float]:
-        """Return the values at the samples of another record, and how many times their noise counts there."""
-        return self.values[:, : other.samples], 1.0
+    def at(self, other: ResponseRecord) -> tuple[Matrix, Vector]:
+        """Return the values at the samples of another record, and how many times the noise of each sensor counts there."""
+        return self.values[:, : other.samples], np.ones(len(self.values))
 
     def ordered(self, order: Sequence[int]) -> ResponseRecord:
         """Return the record with its rows in another order, each with its noise."""
@@ -231,12 +231,14 @@ class StaticRecord(ResponseRecord):
         """Return the first readings, with all states."""
         return replace(self, values=self.values[:, :samples], state=self.state[:samples])
 
-    def at(self, other: ResponseRecord) -> tuple[Matrix, float]:
+    def at(self, other: ResponseRecord) -> tuple[Matrix, Vector]:
         """Return the mean reading in the state of each reading of another record with the same states."""
         assert isinstance(other, StaticRecord)
-        means = np.stack([self.values[:, self.state == k].mean(axis=1) for k in range(self.states)], axis=1)
-        many, own = (np.bincount(each.state, minlength=each.states) for each in (other, self))
-        return means[:, other.state], math.sqrt(float((many / own).max()))  # a mean is the same for all readings of a state
+        own, many = (each.present @ np.eye(each.states)[each.state] for each in (self, other))  # readings of each state
+        read = np.where(own > 0.0, own, np.nan)
+        means = np.nan_to_num(self.values) @ np.eye(self.states)[self.state] / read
+        factor = np.sqrt((many / np.maximum(own, 1.0)).max(axis=1))  # a mean is the same for all readings of a state
+        return means[:, other.state], factor
 
     def _estimated_noise(self, predicted: Matrix | float) -> Vector:  # noqa: ARG002 repeated readings need none
         found = np.full(len(self.values), np.nan)
@@ -280,8 +282,10 @@ def less_healthy(record: ResponseRecord, healthy: ResponseRecord, undamaged: Mat
     own = record.noise_deviation()
     there, factor = healthy.at(record)
     record = record.first(there.shape[1])
-    noise = np.hypot(own, factor * healthy.noise_deviation())
     values = record.values - there + undamaged[:, : record.samples]
+    if record.noise is None and not isinstance(record, StaticRecord):  # that of both is estimated from their difference
+        return replace(record, values=values)
+    noise = np.hypot(own, factor * healthy.noise_deviation())
     return replace(record, values=values, noise=np.where(np.isfinite(noise), noise, 1.0))  # 1: of sensors that are left out
 
 

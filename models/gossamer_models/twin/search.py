@@ -103,7 +103,8 @@ class Fit:
     def passes(self) -> bool:
         """Whether chi2 per sample is below its bound, and no nuisance as far from its prior as the search goes."""
         far = np.abs(self.problem.z(self.point.x[None])).max(initial=0.0)
-        return bool(self.per_sample <= chi2_bound(self.problem) and far < BEYOND and not self.oddity)
+        damages = int(self.kept[: self.problem.zones].sum())
+        return bool(self.per_sample <= chi2_bound(self.problem, damages) and far < BEYOND and not self.oddity)
 
     @cached_property
     def oddity(self) -> str:

@@ -23,7 +23,7 @@ from ..sensor import SensorArtifact
 from .answer import Answer, answer_of, untold_zones
 from .colour import in_colour, of_noise
 from .correction import corrected
-from .discrepancy import Discrepancy, default_discrepancy, is_learned
+from .discrepancy import Discrepancy, default_discrepancy, is_learned, is_load_learned
 from .forward import Forward, MembraneForward, forward_of
 from .groups import alike, untold, without_nuisances
 from .mesh_error import MeshError, MeshErrors
@@ -271,7 +271,11 @@ class Twin:
 
     def _check(self, record: ResponseRecord) -> None:
         """Refuse more unknowns than readings, and load states without an equilibrium."""
-        compared = record.first(self._compared(record))
+        least, samples = record.least_samples, self._compared(record)
+        if samples < least:
+            msg = f"{samples} samples of the record are compared; the twin needs {least}. Record with a shorter step."
+            raise DataError(msg)
+        compared = record.first(samples)
         readings = len(record.sensors) * compared.states
         size = DamageUnknowns(self._forward, self._nuisances(self.nuisances, compared)).size  # priors tell the others
         if size > readings:
@@ -437,7 +441,12 @@ class Twin:
 
     def _answer(self, fit: Fit, doubts: list[str], wiring: Wiring | None, unresolved: tuple[int, ...]) -> Answer:
         more, hidden = list[str](), False
-        error = None if fit.problem.added is not None else self._error_of(fit.problem.record)
+        record = fit.problem.record
+        error = None if fit.problem.added is not None else self._error_of(record)
         if self._mesh_error is not None and error is not None:
             more, hidden = self._mesh_error.doubts(error), error.buries
+        if self._learned and not isinstance(record, StaticRecord) and not is_load_learned(self._forward, record):
+            beside = "was learned under the built-in load alone, and the record has other loads beside it"
+            advice = f"Describe the membrane as a setup: {option('mesh_error', True)} simulates what finer elements change"
+            more, hidden = [f"the error of the mesh {beside}. {advice}"], True
         return answer_of(fit, doubts, more, wiring, unresolved, sparse=self.sparse, hidden=hidden)
