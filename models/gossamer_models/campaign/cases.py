@@ -138,7 +138,8 @@ def _drawn(campaign: CampaignPlan, count: Matrix, order: Matrix, depth: Matrix) 
 def _spread(vary: Vary, base: float, u: Matrix) -> Matrix:
     """Turn points of the unit interval into values of a range: uniform, or with a uniform logarithm for a factor.
 
-    Points beyond the share of the cases that it varies in give the constant value. Powers are taken one by one: NumPy's depend on the place of a number in its array, in the last bit.
+    Points beyond the share of the cases that it varies in give the constant value. Powers are taken one by one: NumPy's
+    depend on the place of a number in its array, in the last bit.
     """
     if vary.share < 1.0:
         return np.where(u < vary.share, _spread(replace(vary, share=1.0), base, u / vary.share), base)

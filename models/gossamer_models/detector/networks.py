@@ -1,10 +1,10 @@
-"""The networks of the detectors: similarity-based neuro-fuzzy ones as in the thesis, residual ones, and how these are trained.
+"""The networks of the detectors: neuro-fuzzy ones as in the thesis, residual ones, and how these are trained.
 
 Symbols, as in Chapter 6 of [1]_: ``I`` input (damage feature index), ``X`` reference inputs, ``D`` distance, ``S``
 similarity, ``w1`` distance weights, ``b`` bias, ``w2`` rule weights, ``O`` memberships of the damage in the fuzzy sets,
 ``peaks`` damage at which each set has membership one. Of what is trained here: ``W``, ``b`` weights and biases of a layer,
-``a`` what they give, ``h`` values of a layer, ``x`` inputs, ``g`` gradients of the loss. Its arrays are single precision, one
-row per case.
+``a`` what they give, ``h`` values of a layer, ``x`` inputs, ``g`` gradients of the loss. Its arrays are single precision,
+one row per case.
 
 Correction of the source: similarity falls with distance, so Eq. (6.3) must read S = 1 / (1 + exp(-(b - D))).
 
@@ -182,14 +182,14 @@ class ResidualNetwork:
     Attributes
     ----------
     arrays : list of ndarray
-        W and b of the first layer, shapes (inputs, width) and (width,), of each layer that adds, (width, width) and (width,),
-        and of the last one, (width, outputs) and (outputs,).
+        W and b of the first layer, shapes (inputs, width) and (width,), of each layer that adds, (width, width) and
+        (width,), and of the last one, (width, outputs) and (outputs,).
 
     Notes
     -----
     :math:`h_0 = silu(x W + b)`, :math:`h_{k+1} = h_k + silu(norm(h_k) W + b)` as in [1]_, and outputs :math:`h W + b`, with
-    :math:`silu(a) = a / (1 + e^{-a})`. ``norm`` takes mean and deviation of the values of a case away [2]_; its usual weights
-    are part of W and b.
+    :math:`silu(a) = a / (1 + e^{-a})`. ``norm`` takes mean and deviation of the values of a case away [2]_; its usual
+    weights are part of W and b.
 
     References
     ----------

@@ -18,7 +18,6 @@ from ..campaign.symmetry import Symmetry
 from . import posterior
 from .features import Components, block_means
 from .networks import Adam, Perceptron, ResidualNetwork, Rows32
-from .posterior_artifact import HEADS
 from .posterior_records import Sensing, Training, Windows, coloured_noise, noise_levels
 
 BETA = 0.5  # of the weight sd^(2 beta) in the loss of the mean
@@ -88,7 +87,7 @@ def spoilt_sensors(gains: Vector, random: np.random.Generator) -> tuple[Vector, 
 
 
 class Drawn(NamedTuple):
-    """Records of a batch: components with and without noise, shape (n, K), variance of the noise outside, shape (n, 1), d."""
+    """Components with and without noise, shape (n, K), variance of the noise, shape (n, 1), and damage, shape (n, z)."""
 
     noisy: Rows32
     clean: Rows32

@@ -73,10 +73,9 @@ def train_posterior(
     total = t.windows * (t.steps + t.decoder_steps + (t.coarse_steps if coarse is not None else 0))
     trained = []
     for number in range(t.windows):
-        cut, before = (
-            None if each is None else records.cut_windows(each, number, t.samples, number == t.windows - 1, t.seed)
-            for each in (data, coarse)
-        )
+        window = number, t.samples, number == t.windows - 1, t.seed
+        cut = records.cut_windows(data, *window)
+        before = None if coarse is None else records.cut_windows(coarse, *window)
         known = None if start is None else start.windows[number]
         settings = replace(t, seed=t.seed + number)
         trained.append(_train_window(cut, before, known, sensing, symmetry, settings, lambda: progress(next(done) / total)))
