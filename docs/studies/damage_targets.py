@@ -14,7 +14,7 @@ from gossamer_models.assessment.figures import Figures
 
 from .metrics import Metric
 
-NETWORK, WIDE, TWIN = "neuro-fuzzy nominal", "neuro-fuzzy wide", "twin"
+NETWORK, WIDE, TWIN = "posterior nominal", "posterior wide", "twin"
 OFF_95 = "share of damaged zones in the stated 95 % interval, off 95 %"
 RESISTANCE = "twin on resistance"
 

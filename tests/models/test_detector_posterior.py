@@ -14,10 +14,10 @@ from gossamer_models.campaign import Distribution
 from gossamer_models.campaign.symmetry import Symmetry, mirrors
 from gossamer_models.detector import PosteriorArtifact, posterior_model
 from gossamer_models.detector.features import block_means, difference_noise, principal_components
-from gossamer_models.detector.networks import FuzzyRules
-from gossamer_models.detector.posterior import analyse, explain, heads_of, image_signs, judge_records
+from gossamer_models.detector.networks import ResidualNetwork
+from gossamer_models.detector.posterior import analyse, heads_of, image_signs, judge_records, unexplained
 from gossamer_models.detector.posterior_artifact import NOMINAL
-from gossamer_models.detector.posterior_fit import NetworkFit, spoilt_sensors
+from gossamer_models.detector.posterior_fit import NetworkFit, loss_gradient, spoilt_sensors
 from gossamer_models.detector.posterior_records import STATED, Sensing, Training, Windows
 from gossamer_models.membrane import membrane_model, square_structure
 from hypothesis import given, settings
@@ -167,30 +167,31 @@ def test_the_network_in_numpy_is_that_of_the_fmu(artifact, membrane):
     logits = heads_of(window, found)[:, :16]
     judgement = judge_records(artifact, 0, records)
     assert judgement["probability"] == pytest.approx(1.0 / (1.0 + np.exp(-logits)), abs=1e-12)
-    left = ((found.c - explain(window, found)) @ window.directions) ** 2 / (found.s2 + window.errors**2)
+    left = (unexplained(window, found) @ window.directions) ** 2 / (found.s2 + window.errors**2)
     assert judgement["ratios"][:, 1] == pytest.approx(left.mean(axis=1), rel=1e-9)
 
 
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=10, deadline=None)
-def test_gradients_of_the_fuzzy_rules_are_those_of_finite_differences(seed):
-    """With memberships above 0 throughout: where one changes its sign there is no derivative."""
+def test_gradients_of_the_residual_network_are_those_of_finite_differences(seed):
     random = np.random.default_rng(seed)
-    f, damage = random.normal(size=(300, 9)), random.uniform(-0.5, 0.5, (300, 16)).clip(0.0)
-    rules = FuzzyRules([a.astype(float) for a in FuzzyRules.of_cases(f, damage, 4, 20, random).arrays])
-    rules.arrays[-1] += 0.5
-    g = random.normal(size=(300, 12))
-    gradients, of_f = rules.gradients(rules.values(f), g)
-    way = random.normal(size=f.shape)
-    both = [rules.values(f + h * way)[-1] for h in (1e-6, -1e-6)]
-    assert np.sum(of_f * way) == pytest.approx(np.sum(g * (both[0] - both[1])) / 2e-6, rel=1e-6, abs=1e-6)
-    for k, (array, gradient) in enumerate(zip(rules.arrays, gradients, strict=True)):
+    net = ResidualNetwork([a.astype(float) for a in ResidualNetwork.random(9, 12, 3, 6, random).arrays])
+    x, g = random.normal(size=(30, 9)), random.normal(size=(30, 6))
+    for k, (array, gradient) in enumerate(zip(net.arrays, net.gradients(net.values(x), g), strict=True)):
         way = random.normal(size=array.shape)
         moved = [
-            FuzzyRules([a + h * way if j == k else a for j, a in enumerate(rules.arrays)]).values(f)[-1]
+            ResidualNetwork([a + h * way if j == k else a for j, a in enumerate(net.arrays)]).values(x)[-1]
             for h in (1e-6, -1e-6)
         ]
-        assert np.sum(gradient * way) == pytest.approx(np.sum(g * (moved[0] - moved[1])) / 2e-6, rel=1e-6, abs=1e-6)
+        assert np.sum(gradient * way) == pytest.approx(np.sum(g * (moved[0] - moved[1])) / 2e-6, rel=1e-5, abs=1e-6)
+
+
+def test_a_spread_beyond_what_can_be_stated_comes_back():
+    """The third head is clipped there, and a gradient of 0 would keep it there for ever."""
+    heads = np.array([[0.0, 0.2, -5.0], [0.0, 0.2, 5.0], [0.0, 0.2, 5.0]], np.float32)
+    _, g = loss_gradient(heads, np.array([[0.3], [0.2], [9.0]], np.float32))
+    assert g[0, 2] < 0.0 < g[1, 2]  # a step against it leads back
+    assert g[2, 2] == 0.0  # and none leads further
 
 
 def test_unseen_random_damage_is_found_with_honest_bars(artifact, membrane, capsys):
@@ -338,14 +339,14 @@ def test_training_knows_what_spoilt_sensors_make_of_a_record(symmetry, unit):
     x = random.normal(size=(300, 4, 20)).astype(np.float32) + np.linspace(0.0, 3.0, 20, dtype=np.float32)
     x -= x.mean(axis=2, keepdims=True)
     parts = principal_components(x, 30, symmetry, unit)
-    cases = Windows(np.repeat(x, 2, axis=2), random_damage(300, 15), np.ones(300, bool), np.zeros(300, int))
+    cases = Windows(np.repeat(x, 2, axis=2), random_damage(300, 15))
     fit = NetworkFit(parts, x, cases, sensing, Training(block=2), symmetry)
-    gains, sensors = spoilt_sensors(np.ones((len(fit.c), 4)), random)
-    clean, outside = fit.read(gains, sensors)
-    images, _ = symmetry.images(x, cases.damage)
+    rows, image = random.integers(0, 300, 900), random.integers(0, len(symmetry.sensors), 900)
+    gains, sensors = spoilt_sensors(np.ones((900, 4)), random)
+    clean, outside = fit.read(rows, np.take_along_axis(symmetry.sensors[image], sensors, axis=1), gains)
+    images = np.array([x[row, symmetry.sensors[k]] for row, k in zip(rows, image, strict=True)])
     spoilt = gains[:, :, None] * np.take_along_axis(images, sensors[:, :, None], axis=1)
-    rest = analyse(parts, images).s2[:, 0]
-    assert fit.rest() == pytest.approx(np.sqrt(rest.mean()), rel=1e-3)
+    assert fit.rest() == pytest.approx(np.sqrt(analyse(parts, x).s2.mean()), rel=1e-3)
     expected = analyse(parts, spoilt)
     assert clean == pytest.approx(expected.c, abs=1e-4)
     y = np.tensordot(spoilt / unit - parts.mean, parts.modes, (1, 1))

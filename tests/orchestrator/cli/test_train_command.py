@@ -29,14 +29,14 @@ def test_a_campaign_becomes_a_detector_that_states_what_it_was_trained_for(tmp_p
     """Two windows of 0.03 s; again from the store, in Python, to the bit."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "small.toml").write_text(SMALL)
-    options = ["--window", "0.03", "--epochs", "60"]
+    options = ["--window", "0.03", "--steps", "60"]
     result = invoke(["train", "small.toml", *options])
     assert result.exit_code == 0, result.output
     assert "always 0" in result.stderr
     artifact = PosteriorArtifact.read(tmp_path / "out/detector/small.json")
     assert len(artifact.windows) == 2
     assert artifact.samples == 100
-    assert artifact.provenance["command"] == "gossamer train small --kind neuro-fuzzy --epochs 60 --window 0.03"
+    assert artifact.provenance["command"] == "gossamer train small --steps 60 --window 0.03"
     assert artifact.trained_over["damage [1]"] == [0.3, 0.5]
     found = artifact.held_out["window 1, damaged, no noise"]
     assert found["all zones"] < artifact.held_out["always 0"]["all zones"]
@@ -47,7 +47,7 @@ def test_a_campaign_becomes_a_detector_that_states_what_it_was_trained_for(tmp_p
     assert values(first["y"]) == pytest.approx(artifact.losses[0], rel=1e-5)
     assert len(values(second["x"])) == 60
     assert artifact.losses[1][-1] < artifact.losses[1][0]
-    again = gossamer.train("out/campaigns/small.zarr", window=0.03, epochs=60, out="again")
+    again = gossamer.train("out/campaigns/small.zarr", window=0.03, steps=60, out="again")
     assert again.held_out == artifact.held_out
     assert float(again.data["all_zones"].sel(cases="window 1, damaged, no noise")) == found["all zones"]
     assert math.isnan(again.data["damaged_zones"].sel(cases="window 1, healthy, no noise"))
