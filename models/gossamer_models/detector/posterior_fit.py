@@ -25,7 +25,7 @@ FAR = 6.0  # standard deviations beyond which a case pulls no more
 COLOURED_DRAWS = 1024
 WRONG_GAIN = (0.6, 1.4)  # of a spoilt sensor [1]
 GAIN_SHARE, DEAD_SHARE = 0.5, 0.15  # of the spoilt records; in the others two sensors are swapped
-WARMING = 200  # steps until the rate is full
+WARMING = 200  # steps until the rate is full, or a tenth of all
 LOSSES = 100  # parts of the steps that losses are averaged over
 
 
@@ -189,9 +189,10 @@ class NetworkFit:
     def _batches(self, steps: int, spoilt: float) -> Iterator[tuple[float, Drawn, Rows32]]:
         """Draw batches; give the step size of Adam and their features, too."""
         t, lam = self.training, self.parts.variances.astype(np.float32)
+        warming = min(WARMING, 1 + steps // 10)
         for k in range(steps):
             drawn = self.draw(t.batch, spoilt)
-            rate = 0.5 * t.rate * min(1.0, (k + 1) / WARMING) * (1.0 + np.cos(np.pi * k / steps))
+            rate = 0.5 * t.rate * min(1.0, (k + 1) / warming) * (1.0 + np.cos(np.pi * k / steps))
             yield rate, drawn, posterior.features(lam, drawn.noisy, drawn.s2)
 
     def network(self, net: ResidualNetwork, steps: int, report: Callable[[], None]) -> list[float]:
