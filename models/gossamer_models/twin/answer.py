@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from ..arrays import Matrix, Rows, Vector
 from .groups import UNRESOLVED
 from .least_squares import PRIOR_DEVIATION
-from .oddities import chi2_bound
 from .record import ResponseRecord, Wiring
 from .search import Fit, box
 from .sensor_error import Shares
@@ -177,7 +176,7 @@ def answer_of(
     deviation[:zones] = np.hypot(deviation[:zones], fit.vague)
     damages = covariance[:zones, :zones].copy()
     np.fill_diagonal(damages, deviation[:zones] ** 2)
-    per_sample, bound = fit.per_sample, chi2_bound(problem)
+    per_sample, bound = fit.per_sample, fit.chi2_bound
     said, valid = list(doubts), fit.passes and not hidden and (wiring is None or not wiring.moved)
     said += [fit.oddity] if fit.oddity else []
     if not fit.passes:

@@ -250,7 +250,7 @@ def is_learned(forward: Forward, learned: Discrepancy) -> bool:
 
 
 def is_load_learned(forward: Forward, record: ResponseRecord) -> bool:
-    """Tell whether a record of the square has other loads beside the built-in one that are small enough."""
+    """Tell whether what acts on the square beside its built-in load is no larger than the changes that were learned with."""
     given = forward.parameters
     loads = {name: np.asarray(load) for name, load in {**forward.inputs, **record.start, **record.inputs}.items()}
     pressure, acceleration = (float(np.abs(loads[name]).max()) for name in ("pressure", "base_acceleration"))

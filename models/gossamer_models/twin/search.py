@@ -90,6 +90,11 @@ class Fit:
         return self.point.chi2 / self.problem.values
 
     @property
+    def chi2_bound(self) -> float:
+        """Bound on chi2 per sample."""
+        return chi2_bound(self.problem, int(self.kept[: self.problem.zones].sum()))
+
+    @property
     def unlikely(self) -> float:
         """Minus twice the logarithm of the record's likelihood, but for a constant."""
         return self.point.chi2 + self.problem.log_determinant
@@ -103,8 +108,7 @@ class Fit:
     def passes(self) -> bool:
         """Whether chi2 per sample is below its bound, and no nuisance as far from its prior as the search goes."""
         far = np.abs(self.problem.z(self.point.x[None])).max(initial=0.0)
-        damages = int(self.kept[: self.problem.zones].sum())
-        return bool(self.per_sample <= chi2_bound(self.problem, damages) and far < BEYOND and not self.oddity)
+        return bool(self.per_sample <= self.chi2_bound and far < BEYOND and not self.oddity)
 
     @cached_property
     def oddity(self) -> str:
