@@ -43,6 +43,7 @@ class Row:
     twin: Callable[[], Twin]
     kind: Literal["strain", "resistance"] = "strain"
     noise: float | None = NOISE / np.sqrt(12.0)
+    step: float = STEP
 
 
 def cases(count: int, seed: int = 7, most: int = 4) -> Array:
@@ -62,8 +63,12 @@ def strain(
     load: bool = False,
     thirds: int = 1,
     given: Mapping[str, float] | None = None,
+    every: int | None = None,
 ) -> Array:
-    """Simulate strain with noise, shape (n, 4, steps); with load, damping, modulus and gain varied if asked, or as given."""
+    """Simulate strain with noise, shape (n, 4, steps); with load, damping, modulus and gain varied if asked, or as given.
+
+    A step is simulated in one or three; a sample is a step, or as many of these parts as asked.
+    """
     random = np.random.default_rng(len(damage))
     start: dict[str, ArrayLike] = {"damage": damage, **(given or {})}
     gain: Array = np.ones((len(damage), 4, 1))
@@ -74,7 +79,7 @@ def strain(
         start["mass_damping"] = 20.0 * 2.0 ** u[2]
         start["youngs_modulus"] = 1e7 * (1.0 + 0.02 * u[3])
         gain = 1.0 + 0.02 * random.uniform(-1.0, 1.0, gain.shape)
-    found = Batch(model, model.elements("strain")).run(thirds * STEPS, STEP / thirds, start, every=thirds).results
+    found = Batch(model, model.elements("strain")).run(thirds * STEPS, STEP / thirds, start, every=every or thirds).results
     return np.asarray(gain * found + noise * random.random(found.shape))
 
 
@@ -126,6 +131,9 @@ ROWS = {
     "other world": Row("0.8 / 2", lambda d: strain(d, membrane(FINER), thirds=3), Twin),
     "finest, 1e-3": finest(1e-3),
     "finest, 1e-4": finest(1e-4),
+    "samples of 1 ms": Row(
+        "", lambda d: strain(d, membrane(FINER), np.sqrt(12.0) * 1e-3, thirds=3, every=10), Twin, noise=None, step=1e-3
+    ),
     "other integrator": Row("0.8 / 2", lambda d: strain(d, runge_kutta_membrane(*FINER)), Twin),
     "other law": Row("", lambda d: strain(d, membrane(DEFAULT, "hencky")), Twin),
     "other sensor": Row(
@@ -140,13 +148,15 @@ ROWS = {
 
 def judge(row: Row, damage: Array) -> str:
     """Fit all cases of a row; return its line of the table."""
-    return fitted(row.twin(), row.make(damage), damage, row.kind, row.noise)
+    return fitted(row.twin(), row.make(damage), damage, row.kind, row.noise, row.step)
 
 
-def fitted(twin: Twin, records: Array, damage: Array, kind: Literal["strain", "resistance"], noise: float | None) -> str:
+def fitted(
+    twin: Twin, records: Array, damage: Array, kind: Literal["strain", "resistance"], noise: float | None, step: float = STEP
+) -> str:
     """Fit a record for each row of damage; return a line of the table."""
     clock = time.process_time()
-    answers = [twin.fit(ResponseRecord(step=STEP, values=values, kind=kind, noise=noise)) for values in records]
+    answers = [twin.fit(ResponseRecord(step=step, values=values, kind=kind, noise=noise)) for values in records]
     seconds = (time.process_time() - clock) / len(records)
     error, damaged = np.array([a.damage for a in answers]) - damage, damage > 0.0
     size, z = 100.0 * np.abs(error), (error / np.array([a.deviation for a in answers]))[damaged]

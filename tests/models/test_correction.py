@@ -67,7 +67,7 @@ def test_a_record_of_the_own_mesh_is_answered_by_the_own_mesh(strain, learned):
 
 
 def test_noise_that_hides_the_error_costs_no_finer_simulation(strain, learned, monkeypatch):
-    monkeypatch.setattr(twin_module, "corrected", None)
+    monkeypatch.setattr(twin_module, "corrected", lambda *_, **__: pytest.fail("the finer mesh was simulated"))
     answer = Twin(discrepancy=learned, structure=square_structure(4, 2)).fit(record(strain, 4, noise=0.1))
     assert answer.valid
 

@@ -17,6 +17,7 @@ from .search import FEW_STEPS, Fit, again
 
 HOPELESS = 3.0  # chi2 per sample that no finer mesh explains
 ROUNDS = 5
+CLEAR = 3.0  # errors of the mesh over noise with which chi2 tells which mesh made the record
 SETTLED = 0.5  # deviations of a damage: a round that moves none by more is the last
 
 
@@ -51,7 +52,7 @@ def corrected(fit: Fit, finer: Forward, components: Matrix, noise: Vector, *, sp
     """
     own = problem = fit.problem.under(noise)
     hopeless = fit.per_sample >= HOPELESS
-    if hopeless or (simulated and _made_by(own, fit)):
+    if hopeless or (simulated and own.mesh_over_noise > CLEAR and _made_by(own, fit)):
         return again(fit, own, sparse=sparse, hopeless=hopeless)
     found, settled, move = fit, False, np.zeros(fit.problem.zones)
     for _ in range(ROUNDS):

@@ -36,6 +36,7 @@ MOST_STEPS = 12  # of one descent
 FEW_STEPS = 2  # where it is hopeless
 ROUNDS = 4  # of the scales of the errors of the sensors
 RIVAL_STEPS = 4  # of the descent of another set of zones
+APART = 1.0  # deviations of its prior by which a nuisance is off
 ALIKE = 0.8  # cosine of the derivatives by two zones of which one is tried in place of the other
 
 
@@ -164,19 +165,19 @@ def search(
     doubtful = few and (not stages[:-1] or min(passes, default=np.inf) > DOUBTFUL)
     if not hopeless and (doubtful or not passes):
         others = _others(stages[0])[: MORE_STARTS if passes and not stages[:-1] else MOST_STARTS]
-        going += [each for each in _side_by_side(start, others) if each is not None]
+        going += [each for each in side_by_side(start, others) if each is not None]
         reached = min((fit.early_chi2 for fit in ends), default=np.inf) - THRESHOLD
         lowest = min((each.reached for each in going), default=np.inf) + THRESHOLD
         lower = [each for each in going if each.reached <= min(reached, lowest)]
         if not ends and all(each.far for each in going):
             lower = [replace(each, hopeless=True) for each in lower[:1]]
-        found = _side_by_side(partial(_ended, whole, sparse=sparse), lower)
+        found = side_by_side(partial(_ended, whole, sparse=sparse), lower)
         ends += [fit for fit in found if fit is not None]
     if not ends:
         msg = "the twin's membrane fails from every start. Check its parameters and the load."
         raise ConvergenceError(msg)
     best = min(ends, key=lambda fit: fit.unlikely)
-    return best, [fit for fit in ends if fit is not best and _elsewhere(fit, best)]
+    return best, [fit for fit in ends if fit is not best and elsewhere(fit, best)]
 
 
 @dataclass(frozen=True)
@@ -251,7 +252,21 @@ def again(fit: Fit, problem: RecordProblem, *, sparse: bool, rounds: int = ROUND
     return fit if ended is None else replace(ended, vague=fit.vague)
 
 
-def _side_by_side(what: Callable[[S], T], each: Sequence[S]) -> list[T]:
+def from_priors(fit: Fit, *, sparse: bool) -> list[Fit]:
+    """Return the fit that begins with the damages of one whose nuisances are off, and with nuisances that are not.
+
+    Where little is recorded, a beginning with nuisances alone leads into a valley of theirs that damages do not leave: a
+    modulus, a density and gains that are off together do much of what damage does. None where nothing is off, or where it
+    ends in the same valley.
+    """
+    zones = fit.problem.zones
+    if not fit.passes or np.abs(fit.problem.z(fit.point.x[None])).max(initial=0.0) < APART:
+        return []
+    other = _ended(fit.problem, Begun(_unknowns(fit.problem, fit.point.x[:zones]), fit.early_chi2), sparse=sparse)
+    return [] if other is None or not elsewhere(other, fit) else [other]
+
+
+def side_by_side(what: Callable[[S], T], each: Sequence[S]) -> list[T]:
     """Return what a function gives of each, in threads where there are several."""
     if len(each) < 2:
         return [what(one) for one in each]
@@ -259,7 +274,7 @@ def _side_by_side(what: Callable[[S], T], each: Sequence[S]) -> list[T]:
         return list(pool.map(what, each))
 
 
-def _elsewhere(fit: Fit, best: Fit) -> bool:
+def elsewhere(fit: Fit, best: Fit) -> bool:
     """Tell whether two fits are different minima: further apart than the curvature of the better one lets through."""
     d = fit.point.x - best.point.x
     return bool(d @ best.model.A @ d > THRESHOLD * max(1, int(best.kept.sum())))

@@ -31,7 +31,7 @@ from .nuisances import BY_DEFAULT, FACTORS, NAMES, OF_MOTION, OF_SENSOR, SENSOR,
 from .problem import RecordProblem
 from .reasons import likely_reason
 from .record import PASSING, ResponseRecord, StaticRecord, Wiring, best_wiring, dead_sensors, less_healthy, other_wirings
-from .search import Fit, again, begun, misfit, search
+from .search import Fit, again, begun, elsewhere, from_priors, misfit, search, side_by_side
 from .second_look import Parted, parted
 from .simulation import SensedForward
 from .unknowns import DamageUnknowns
@@ -42,6 +42,9 @@ MOST_STEPS = 5000  # internal steps that are compared, unless the record is said
 SUSPECT = 0.5  # deviations of chi2 above the expected one from which on wirings are compared, and by which one is better
 Progress: TypeAlias = Callable[[float, int], None]  # length of the record [s], and simulations that were made
 ESTIMATES, SAME_NOISE = 2, 0.9  # of noise from what a fit leaves, while it falls below this share
+# deviations of chi2 from the expected one below which what is fast in a membrane was taken for noise, and chi2 per sample
+# below which there is no noise at all
+OVERRATED, CLEAN = -3.0, 0.1
 HIDES = 0.5  # of the noise: where the error of the mesh is larger, a finer one is simulated at the fit
 COLOURED = 100.0  # chi2 per sample up to which noise may be coloured: what is slow leaves so much of what is fast
 FLOOR = 3.0  # times the noise: no search takes the mesh for more exact, before a finer one is simulated
@@ -315,24 +318,39 @@ class Twin:
         return again(fit, fit.problem.under(noise, record), sparse=self.sparse)
 
     def _searched(self, record: ResponseRecord, report: Progress) -> tuple[Fit, list[Fit]]:
-        """Search longer and longer beginnings of a record; noise that is not known becomes that of what is left."""
+        """Search longer and longer beginnings of a record, from two sides; follow what they find to the end."""
         stages = [self._problem(record, report, samples=samples) for samples in [*self._early_samples(record), None]]
-        moving = not isinstance(record, StaticRecord)
-        one_valley = moving and stages[0].record.samples * record.step <= VALLEY * self._forward.period
+        first = stages[0].record
+        one_valley = not isinstance(record, StaticRecord) and first.samples * first.step <= VALLEY * self._forward.period
         noise, over = stages[-1].noise, stages[-1].mesh_over_noise
         finer = self._finer(record, stages[-1].components) if over > HIDES else None
         if finer is not None and over > FLOOR:  # more precise than the mesh lets through
             stages = [stage.under(noise * over / FLOOR) for stage in stages]
         fit, minima = search(stages, sparse=self.sparse, one_valley=one_valley)
+        both = [fit, *from_priors(fit, sparse=self.sparse)]
+        ends = side_by_side(partial(self._finished, record=record, noise=noise, finer=finer), both)
+        best = min(ends, key=lambda end: (not end.passes, end.worth))
+        near = [end for end in ends if end is not best and end.worth < best.worth + WIRED and elsewhere(end, best)]
+        return best, [*minima, *near]
+
+    def _finished(self, fit: Fit, record: ResponseRecord, noise: Vector, finer: tuple[Forward, Matrix] | None) -> Fit:
+        """Go on from a search on a finer mesh, where that counts, and under the noise that is left where it is unknown."""
+        ending = partial(corrected, sparse=self.sparse, simulated=self._mesh_error is None)
         if finer is not None:
-            fit = corrected(fit, *finer, noise, sparse=self.sparse, simulated=self._mesh_error is None)
-        for _ in range(ESTIMATES if moving and record.noise is None else 0):
+            fit = ending(fit, *finer, noise)
+        for _ in range(0 if record.noise is not None or isinstance(record, StaticRecord) else ESTIMATES):
             problem = fit.problem
             noise = np.fmin(problem.noise, problem.record.noise_deviation(problem.reading(fit.point)))
+            overrated = misfit(problem, fit.point) < OVERRATED and fit.per_sample > CLEAN and len(problem.components)
+            if overrated and problem.sensor_error is None:
+                noise = np.fmin(noise, problem.noise * math.sqrt(fit.per_sample))
             if not np.nanmin(noise / problem.noise) < SAME_NOISE:
                 break
             fit = self._weighed(record, noise, fit)
-        return fit, minima
+            if finer is None and fit.problem.mesh_over_noise > HIDES:
+                finer = self._finer(record, fit.problem.components)
+                fit = fit if finer is None else ending(fit, *finer, noise)
+        return fit
 
     def _compared(self, record: ResponseRecord) -> int:
         """Return how many samples are compared: those that the discrepancy covers, or that do not take too many steps."""
