@@ -49,7 +49,7 @@ docs: demo
 	$(BIN)/python docs/make_motion.py
 
 goldens: $(TOOLS)
-	$(BIN)/pytest tests/fmus tests/models/test_membrane_law.py --rewrite-goldens
+	$(BIN)/pytest tests/fmus tests/models/test_membrane_law.py tests/models/test_detector_posterior.py --rewrite-goldens
 
 figures: $(TOOLS)
 	$(BIN)/python docs/make_identification_page.py

@@ -14,7 +14,7 @@ from gossamer_models.assessment.figures import Figures
 
 from .metrics import Metric
 
-NETWORK, WIDE, TWIN = "neuro-fuzzy nominal", "neuro-fuzzy wide", "twin"
+NETWORK, WIDE, TWIN = "posterior nominal", "posterior wide", "twin"
 OFF_95 = "share of damaged zones in the stated 95 % interval, off 95 %"
 RESISTANCE = "twin on resistance"
 
@@ -44,7 +44,7 @@ def _false_calls(f: Figures) -> float:
 
 
 def _admitted(f: Figures) -> float:
-    return 100.0 * f.wrong_and_invalid.value
+    return 100.0 * f.wrong_and_marked.value
 
 
 TARGETS = (

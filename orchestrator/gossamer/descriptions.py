@@ -37,6 +37,7 @@ OF_A_CAMPAIGN: dict[str, type] = {
     "strain": campaign.Distribution,
     "resistance": campaign.Distribution,
     "chain": campaign.Chain,
+    "coarser": campaign.Coarser,
 }
 
 logger = logging.getLogger(__name__)

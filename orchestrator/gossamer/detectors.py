@@ -19,10 +19,12 @@ from .working import json_file, keep_inputs, progress_bar, save_page
 
 if TYPE_CHECKING:
     import xarray as xr
-    from gossamer_models.campaign import Summary
+    from gossamer_models.campaign import CampaignPlan, Summary
     from gossamer_models.detector import DetectorArtifact, PosteriorArtifact
 
-Method = Literal["neuro-fuzzy", "perceptron", "thesis"]
+Method = Literal["posterior", "thesis"]
+
+COARSER = "_coarser"  # ends the name of the store on the coarser mesh
 
 logger = logging.getLogger(__name__)
 
@@ -200,10 +202,11 @@ class TrainedDetector(Saved):
 def train(
     source: AnyPath | None = None,
     *,
-    kind: Method = "neuro-fuzzy",
+    kind: Method = "posterior",
     out: File | None = None,
     window: Seconds | None = None,
-    epochs: Count | None = None,
+    steps: Count | None = None,
+    start: File | None = None,
     **plan: Unpack[PlanOptions],
 ) -> TrainedDetector:
     """Train a detector on simulated damage.
@@ -220,14 +223,15 @@ def train(
         shipped one; detector_nominal by default. Of the kind thesis: single (default), single_noisy, multiple or
         multiple_noisy. Of a setup, at most a scenario with its parameters.
     kind
-        neuro-fuzzy: the thesis' network on indices that are trained; perceptron: two hidden layers; thesis: one of its own
-        trainings, on 16 energies.
+        posterior: a network of the posterior of the damage; thesis: one of its own trainings, on 16 energies.
     out
         File to write, with its arrays beside it; out/detector/NAME.json by default.
     window
         Length of a window [s]; 0.2532, what the scenario says, or whole periods of the load of a setup.
-    epochs
-        Passes through the cases; 150 by default, up to 600 of a setup.
+    steps
+        Steps of the training of each window; 5000 by default.
+    start
+        Artifact of a trained detector to go on from, in place of the coarser cases.
     **plan
         What is simulated, see ``PlanOptions``.
 
@@ -253,33 +257,32 @@ def train(
         gossamer train multiple_noisy --kind thesis
     """
     if kind == "thesis":
-        if window is not None or epochs is not None or given(plan):
-            refused = f"{option('window')}, {option('epochs')} and what is simulated"
+        if window is not None or steps is not None or start is not None or given(plan):
+            refused = f"{option('window')}, {option('steps')}, {option('start')} and what is simulated"
             why = "whose cases, windows and networks are fixed"
             msg = f"{refused} are not for {option('kind', kind)}, {why}. Leave them out."
             raise OrchestratorError(msg)
         return _train_thesis(str(source or "single"), out)
     path = None if out is None else json_file(out)
-    keep_inputs([source, plan.get("setup"), plan.get("mesh"), plan.get("load")], [out, path])
+    keep_inputs([source, start, plan.get("setup"), plan.get("mesh"), plan.get("load")], [out, path])
     from gossamer_models.assessment.figures import errors, held_out_verdicts
+    from gossamer_models.detector import PosteriorArtifact
     from gossamer_models.detector.posterior_records import Training
     from gossamer_models.detector.posterior_training import train_posterior
 
     from .pages.detectors import training_page
 
-    data, name = _data(source, window, **plan)
-    training = Training.of(data, network=kind, window=window)
-    if epochs is not None:
-        training = replace(training, epochs=epochs)
-    logger.info(
-        "%s: %d cases, windows of %d samples, %d epochs", name, data.sizes["case"], training.samples, training.epochs
-    )
-    end = "" if kind == "neuro-fuzzy" else f"_{kind}"
-    path = path or Path("out/detector") / f"{name}{end}.json"
+    begin = None if start is None else PosteriorArtifact.read(Path(start))
+    data, coarse, name = _data(source, window, **plan)
+    training = Training.of(data, window)
+    training = replace(training, steps=training.steps if steps is None else steps)
+    logger.info("%s: %d cases, windows of %d samples, %d steps", name, data.sizes["case"], training.samples, training.steps)
+    path = path or Path("out/detector") / f"{name}.json"
     with progress_bar("training") as bar:
-        artifact = train_posterior(data, training, lambda done: bar.update(done, 1.0))
-    made = f"gossamer train {'--setup ' * (plan.get('setup') is not None)}{name} --kind {kind} --epochs {training.epochs}"
+        artifact = train_posterior(data, training, coarse, begin, lambda done: bar.update(done, 1.0))
+    made = f"gossamer train {'--setup ' * (plan.get('setup') is not None)}{name} --steps {training.steps}"
     made += f" --window {window:g}" if window is not None else ""
+    made += f" --start {start}" if start is not None else ""
     judged = held_out_verdicts(artifact, data, training)
     artifact = replace(
         artifact,
@@ -291,8 +294,10 @@ def train(
     return TrainedDetector(files=[path, *pages], artifact=artifact, held_out=artifact.held_out)
 
 
-def _data(source: AnyPath | None, window: float | None, **plan: Unpack[PlanOptions]) -> tuple[xr.Dataset, str]:
-    """Return the campaign of a source, run if need be, and its name."""
+def _data(
+    source: AnyPath | None, window: float | None, **plan: Unpack[PlanOptions]
+) -> tuple[xr.Dataset, xr.Dataset | None, str]:
+    """Return the campaign of a source and the coarser one, if it has one, run if need be, and its name."""
     from gossamer_models.campaign import read_campaign, run_campaign
 
     from .descriptions import locating
@@ -301,13 +306,19 @@ def _data(source: AnyPath | None, window: float | None, **plan: Unpack[PlanOptio
         if given(plan):
             msg = f"{source} has been run: leave out what is simulated, or name a campaign file in its place."
             raise OrchestratorError(msg)
-        return read_campaign(Path(source)), Path(source).stem
+        path = Path(source)
+        coarser = path.with_name(f"{path.stem}{COARSER}{path.suffix}")
+        return read_campaign(path), read_campaign(coarser) if coarser.is_dir() else None, path.stem
     wanted, text, name = planned(source, window, **plan)
-    path = Path("out/campaigns") / f"{name}.zarr"
-    logger.info("%d cases of %g s in %d steps", wanted.count, wanted.stop, wanted.steps)
-    with locating(text), progress_bar("simulating damage") as bar:
-        run_campaign(wanted, path, progress=lambda done, total: bar.update(done, total, f"{done} of {total} cases,"))
-    return read_campaign(path), name
+
+    def simulated(plan: CampaignPlan, end: str = "") -> xr.Dataset:
+        path = Path("out/campaigns") / f"{name}{end}.zarr"
+        logger.info("%d cases of %g s in %d steps", plan.count, plan.stop, plan.steps)
+        with locating(text), progress_bar("simulating damage") as bar:
+            run_campaign(plan, path, progress=lambda done, total: bar.update(done, total, f"{done} of {total} cases,"))
+        return read_campaign(path)
+
+    return simulated(wanted), simulated(wanted.coarse, COARSER) if wanted.coarse else None, name
 
 
 def _train_thesis(name: str, out: AnyPath | None) -> TrainedDetector:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cached_property
-from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
@@ -134,8 +133,8 @@ class Run(Result):
         judgements = []
         for each in self.judgements:
             told = {"time_s": each.time, "valid": each.valid, "damage": each.estimated, "deviation": each.deviation}
-            told |= {"true_damage": each.true} | ({each.likeness: each.likeness_value} if each.likeness else {})
-            judgements.append(told if isnan(each.risk) else told | {"risk": each.risk})
+            told |= {"determined": each.determined, "true_damage": each.true}
+            judgements.append(told | ({each.likeness: each.likeness_value} if each.likeness else {}))
         return {
             "scenario": self.scenario,
             "ended": self.data.attrs["ended"],

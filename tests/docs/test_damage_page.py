@@ -12,7 +12,7 @@ from studies.damage import write
 from studies.damage_targets import DETECTION, TARGETS, metrics
 
 LINK = re.compile(r"!\[[^]]*\]\(([^)]+)\)")
-NETWORK = "neuro-fuzzy nominal"
+NETWORK = "posterior nominal"
 ERRORS = {"all zones": 0.5, "damaged zones": 2.0}
 BOTH = {what: (ERRORS, ERRORS) for what, *_ in GROUPS}
 TRAINED = {"single": BOTH, "multiple_noisy": BOTH}

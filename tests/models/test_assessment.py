@@ -87,7 +87,7 @@ def test_the_figures_of_three_records_are_those_by_hand():
     assert (found.valid.number, found.valid.total) == (2, 3)
     assert (found.hits.number, found.hits.total) == (0, 1)  # what is not valid is no call; 4 % need not be found
     assert found.false_calls.number == 1
-    assert (found.wrong.number, found.wrong_and_invalid.number) == (1, 1)
+    assert (found.wrong.number, found.wrong_and_marked.number) == (1, 1)
     assert math.isnan(found.z_rms)
     assert math.isnan(found.brier)
 

@@ -2,7 +2,17 @@
 
 import numpy as np
 import pytest
-from gossamer_models.campaign import CampaignPlan, Chain, Damage, Distribution, MeasurementNoise, Mesh, Vary, draw_cases
+from gossamer_models.campaign import (
+    CampaignPlan,
+    Chain,
+    Coarser,
+    Damage,
+    Distribution,
+    MeasurementNoise,
+    Mesh,
+    Vary,
+    draw_cases,
+)
 from gossamer_models.campaign.cases import unit_points
 from gossamer_models.mistakes import DescriptionError
 from hypothesis import given, settings
@@ -68,6 +78,30 @@ def test_factors_are_of_the_constant_value():
     damping = draw_cases(asked, range(200)).varied["mass_damping"]
     assert 2.0 <= damping.min() < 2.1
     assert 7.6 < damping.max() <= 8.0
+
+
+@pytest.mark.parametrize("sampling", ["random", "latin-hypercube"])
+def test_what_varies_in_a_share_of_the_cases_is_constant_in_the_others(sampling):
+    vary = {"mass_damping": Vary(factor=(0.5, 2.0), share=0.25), "sensor_gain": Vary(factor=(0.9, 1.1), share=0.1)}
+    drawn = draw_cases(campaign(2000, vary=vary, sampling=sampling), range(2000))
+    damping = drawn.varied["mass_damping"]
+    moved, gained = damping != 20.0, drawn.sensor_gain != 1.0
+    assert moved.mean() == pytest.approx(0.25, abs=0.03)
+    assert kstest(np.log2(damping[moved] / 20.0), "uniform", (-1.0, 2.0)).pvalue > LEAST_P
+    assert (gained.all(axis=1) == gained.any(axis=1)).all()  # all sensors of a case, or none
+    assert gained.any(axis=1).mean() == pytest.approx(0.1, abs=0.03)
+    with pytest.raises(DescriptionError, match=r"'share' is 1\.5\. Write a share above 0, up to 1"):
+        Vary(factor=(0.5, 2.0), share=1.5)
+
+
+def test_coarser_cases_are_others_of_the_same_campaign_on_another_mesh():
+    plan = campaign(100, coarser=Coarser(order=2, times=3))
+    coarse = plan.coarse
+    assert (coarse.membrane.order, coarse.count, coarse.coarser) == (2, 300, None)
+    assert not (everything(draw_cases(coarse, range(10))) == everything(draw_cases(plan, range(10)))).all(axis=1).any()
+    assert campaign(100).coarse is None
+    with pytest.raises(DescriptionError, match=r"'times' is 0\. Write a whole number from 1"):
+        Coarser(times=0)
 
 
 @pytest.mark.parametrize("sampling", ["random", "latin-hypercube"])

@@ -8,16 +8,17 @@ import pytest
 from gossamer_fmus.catalogue import fmu_folder
 from gossamer_models import ArtifactError, DataError, Stepper, simulate
 from gossamer_models.assessment import PosteriorJudge
-from gossamer_models.assessment.figures import errors
+from gossamer_models.assessment.figures import errors, misleading
+from gossamer_models.assessment.judges import Verdicts
 from gossamer_models.batch import Batch
 from gossamer_models.campaign import Distribution
 from gossamer_models.campaign.symmetry import Symmetry, mirrors
 from gossamer_models.detector import PosteriorArtifact, posterior_model
 from gossamer_models.detector.features import block_means, difference_noise, principal_components
-from gossamer_models.detector.networks import FuzzyRules
-from gossamer_models.detector.posterior import analyse, explain, heads_of, image_signs, judge_records
+from gossamer_models.detector.networks import ResidualNetwork
+from gossamer_models.detector.posterior import analyse, heads_of, image_signs, judge_records, unexplained
 from gossamer_models.detector.posterior_artifact import NOMINAL
-from gossamer_models.detector.posterior_fit import NetworkFit, spoilt_sensors
+from gossamer_models.detector.posterior_fit import NetworkFit, loss_gradient, spoilt_sensors
 from gossamer_models.detector.posterior_records import STATED, Sensing, Training, Windows
 from gossamer_models.membrane import membrane_model, square_structure
 from hypothesis import given, settings
@@ -29,7 +30,8 @@ SQUARE = next(mirrors(square_structure()))
 SENSING = Sensing(Distribution(uniform=(0.0, 0.02)))
 STRAINS = tuple(f"strain[{i}]" for i in range(1, 5))
 FIELDS = ("damage", "deviation", "probability")
-OUTPUTS = (*(f"{name}[{z}]" for name in FIELDS for z in range(1, 17)), "misfit", "risk", "valid")
+SHARES = ("in 95 % band", "valid", "determined")
+OUTPUTS = (*(f"{name}[{z}]" for name in FIELDS for z in range(1, 17)), "misfit", "valid")
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +77,7 @@ def run(model, records, h=STEP, **parameters):
 def judged(artifact, window, record):
     """What ``judge_records`` says of one record, in the order of ``OUTPUTS``."""
     found = judge_records(artifact, window, record[None])
-    return np.concatenate([*(found[name][0] for name in FIELDS), found["misfit"], found["risk"], found["valid"]])
+    return np.concatenate([*(found[name][0] for name in FIELDS), found["misfit"], found["valid"]])
 
 
 def test_streaming_equals_the_whole_record_window_by_window(artifact, model, membrane):
@@ -167,30 +169,31 @@ def test_the_network_in_numpy_is_that_of_the_fmu(artifact, membrane):
     logits = heads_of(window, found)[:, :16]
     judgement = judge_records(artifact, 0, records)
     assert judgement["probability"] == pytest.approx(1.0 / (1.0 + np.exp(-logits)), abs=1e-12)
-    left = ((found.c - explain(window, found)) @ window.directions) ** 2 / (found.s2 + window.errors**2)
+    left = (unexplained(window, found) @ window.directions) ** 2 / (found.s2 + window.errors**2)
     assert judgement["ratios"][:, 1] == pytest.approx(left.mean(axis=1), rel=1e-9)
 
 
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=10, deadline=None)
-def test_gradients_of_the_fuzzy_rules_are_those_of_finite_differences(seed):
-    """With memberships above 0 throughout: where one changes its sign there is no derivative."""
+def test_gradients_of_the_residual_network_are_those_of_finite_differences(seed):
     random = np.random.default_rng(seed)
-    f, damage = random.normal(size=(300, 9)), random.uniform(-0.5, 0.5, (300, 16)).clip(0.0)
-    rules = FuzzyRules([a.astype(float) for a in FuzzyRules.of_cases(f, damage, 4, 20, random).arrays])
-    rules.arrays[-1] += 0.5
-    g = random.normal(size=(300, 12))
-    gradients, of_f = rules.gradients(rules.values(f), g)
-    way = random.normal(size=f.shape)
-    both = [rules.values(f + h * way)[-1] for h in (1e-6, -1e-6)]
-    assert np.sum(of_f * way) == pytest.approx(np.sum(g * (both[0] - both[1])) / 2e-6, rel=1e-6, abs=1e-6)
-    for k, (array, gradient) in enumerate(zip(rules.arrays, gradients, strict=True)):
+    net = ResidualNetwork([a.astype(float) for a in ResidualNetwork.random(9, 12, 3, 6, random).arrays])
+    x, g = random.normal(size=(30, 9)), random.normal(size=(30, 6))
+    for k, (array, gradient) in enumerate(zip(net.arrays, net.gradients(net.values(x), g), strict=True)):
         way = random.normal(size=array.shape)
         moved = [
-            FuzzyRules([a + h * way if j == k else a for j, a in enumerate(rules.arrays)]).values(f)[-1]
+            ResidualNetwork([a + h * way if j == k else a for j, a in enumerate(net.arrays)]).values(x)[-1]
             for h in (1e-6, -1e-6)
         ]
-        assert np.sum(gradient * way) == pytest.approx(np.sum(g * (moved[0] - moved[1])) / 2e-6, rel=1e-6, abs=1e-6)
+        assert np.sum(gradient * way) == pytest.approx(np.sum(g * (moved[0] - moved[1])) / 2e-6, rel=1e-5, abs=1e-6)
+
+
+def test_a_spread_beyond_what_can_be_stated_comes_back():
+    """The third head is clipped there, and a gradient of 0 would keep it there for ever."""
+    heads = np.array([[0.0, 0.2, -5.0], [0.0, 0.2, 5.0], [0.0, 0.2, 5.0]], np.float32)
+    _, g = loss_gradient(heads, np.array([[0.3], [0.2], [9.0]], np.float32))
+    assert g[0, 2] < 0.0 < g[1, 2]  # a step against it leads back
+    assert g[2, 2] == 0.0  # and none leads further
 
 
 def test_unseen_random_damage_is_found_with_honest_bars(artifact, membrane, capsys):
@@ -209,7 +212,7 @@ def test_unseen_random_damage_is_found_with_honest_bars(artifact, membrane, caps
     for found in figures.values():
         assert found["in 95 % band"] > 0.88
         assert found["valid"] > 0.5  # the others say that they may be wrong
-        assert found.get("wrong and valid", 0.0) * found["wrong"] <= 0.03
+        assert found["wrong and valid"] <= 0.02
 
 
 def test_damage_that_begins_later_shows_in_the_next_whole_window(artifact, model, membrane):
@@ -235,35 +238,28 @@ WORLDS = {
     "frequency": {"pressure_frequency": 7.9 * 1.05},
     "damping": {"mass_damping": 40.0},
 }
+SPOILT = {
+    "swapped": lambda x: x[:, [1, 0, 2, 3]],
+    "dead": lambda x: np.where(np.arange(4)[:, None] == 2, 0.02, x),
+    "gain": lambda x: np.where(np.arange(4)[:, None] == 1, 0.9 * x, x),
+    "noisier": lambda x: x + np.random.default_rng(12).normal(0.0, 0.03, x.shape),
+    "nothing": lambda x: 0.0 * x,
+}
+NOT_VALID = {"load", "dead", "noisier", "nothing"}  # the others are near what the network has seen
 
 
-@pytest.mark.parametrize("world", WORLDS)
-def test_another_world_is_not_valid(artifact, membrane, world):
-    records = strains(membrane, random_damage(8, 10), **WORLDS[world])
+@pytest.mark.parametrize("world", [*WORLDS, *SPOILT])
+def test_elsewhere_and_with_spoilt_sensors_what_is_determined_is_right_or_nothing_is_valid(artifact, membrane, world):
+    damage = random_damage(8, 10)
+    if world in SPOILT:
+        damage[:, :4] = 0.0
+        damage[:, 0] = 0.3  # nearer to one sensor than to another, so that a swap shows
+    records = SPOILT.get(world, lambda x: x)(strains(membrane, damage, **WORLDS.get(world, {})))
     for kind in ("clean", "stated"):
-        noisy = SENSING.samples(records, np.random.default_rng(11), kind)
-        assert judge_records(artifact, 0, noisy)["valid"].mean() <= 0.125
-
-
-@pytest.mark.parametrize(
-    "spoil",
-    [
-        pytest.param(
-            lambda x: x[:, [1, 0, 2, 3]],
-            marks=pytest.mark.xfail(reason="the detector does not see every swap: see its README", strict=True),
-        ),
-        lambda x: np.where(np.arange(4)[:, None] == 2, 0.02, x),
-        lambda x: np.where(np.arange(4)[:, None] == 1, 0.9 * x, x),
-        lambda x: x + np.random.default_rng(12).normal(0.0, 0.03, x.shape),
-        lambda x: 0.0 * x,
-    ],
-    ids=["swapped", "dead", "gain", "noisier", "nothing"],
-)
-def test_spoilt_sensors_are_not_valid(artifact, membrane, spoil):
-    damage = random_damage(8, 13)
-    damage[:, :4] = 0.0
-    damage[:, 0] = 0.3  # nearer to one sensor than to another, so that a swap shows
-    assert judge_records(artifact, 0, spoil(strains(membrane, damage)))["valid"].mean() <= 0.125
+        said = judge_records(artifact, 0, SENSING.samples(records, np.random.default_rng(11), kind))
+        verdicts = Verdicts(damage=said["damage"], deviation=said["deviation"], valid=said["valid"])
+        assert misleading(damage, verdicts).any(axis=1).mean() <= 0.125
+        assert world not in NOT_VALID or not said["valid"].any()
 
 
 def test_a_constant_offset_of_a_sensor_changes_nothing(artifact, membrane):
@@ -273,16 +269,21 @@ def test_a_constant_offset_of_a_sensor_changes_nothing(artifact, membrane):
         assert there[name] == pytest.approx(here[name], rel=1e-5, abs=1e-8)
 
 
-@pytest.mark.parametrize("name", ["nominal", "wide"])
-def test_the_readme_states_what_the_card_of_a_shipped_detector_states(name):
-    text = fmu_folder("detector").joinpath("README.md").read_text()
-    card = PosteriorArtifact.read(NOMINAL.with_name(f"{name}.json"))
-    for kind, row in card.held_out.items():
-        damaged = f"{row['damaged zones']:.2f}" if "damaged zones" in row else "-"
-        if "valid" in row and kind != "always 0":
-            shares = [f"{100.0 * row[share]:.0f} %" if share in row else "-" for share in ("in 95 % band", "valid")]
-            line = f"| {name}, {kind} | {row['all zones']:.2f} / {damaged} | {' | '.join(shares)} | "
-            assert line + f"{100.0 * row['false calls']:.1f} % |" in text
+def test_the_readme_states_what_the_cards_of_the_shipped_detectors_state(rewrite_goldens):
+    path, rows = fmu_folder("detector") / "README.md", []
+    for name in ("nominal", "wide"):
+        for kind, row in PosteriorArtifact.read(NOMINAL.with_name(f"{name}.json")).held_out.items():
+            damaged = f"{row['damaged zones']:.2f}" if "damaged zones" in row else "-"
+            shares = [f"{100.0 * row[share]:.0f} %" if share in row else "-" for share in SHARES]
+            precise = [f"{100.0 * row[share]:.1f} %" for share in ("false calls", "wrong and valid")]
+            cells = [f"{name}, {kind}", f"{row['all zones']:.2f} / {damaged}", *shares, *precise]
+            rows += [f"| {' | '.join(cells)} |"] * (kind != "always 0")
+    text = path.read_text(encoding="utf-8")
+    begin = text.index("\n", text.index("|---", text.index("| held-out records")))
+    wanted = "\n".join([text[:begin], *rows, text[text.index('| the answer "always 0"') :]])
+    if rewrite_goldens:
+        path.write_text(wanted, encoding="utf-8")
+    assert path.read_text(encoding="utf-8") == wanted, "run 'make goldens'"
 
 
 def test_an_artifact_survives_its_files(artifact, tmp_path):
@@ -338,14 +339,14 @@ def test_training_knows_what_spoilt_sensors_make_of_a_record(symmetry, unit):
     x = random.normal(size=(300, 4, 20)).astype(np.float32) + np.linspace(0.0, 3.0, 20, dtype=np.float32)
     x -= x.mean(axis=2, keepdims=True)
     parts = principal_components(x, 30, symmetry, unit)
-    cases = Windows(np.repeat(x, 2, axis=2), random_damage(300, 15), np.ones(300, bool), np.zeros(300, int))
+    cases = Windows(np.repeat(x, 2, axis=2), random_damage(300, 15))
     fit = NetworkFit(parts, x, cases, sensing, Training(block=2), symmetry)
-    gains, sensors = spoilt_sensors(np.ones((len(fit.c), 4)), random)
-    clean, outside = fit.read(gains, sensors)
-    images, _ = symmetry.images(x, cases.damage)
+    rows, image = random.integers(0, 300, 900), random.integers(0, len(symmetry.sensors), 900)
+    gains, sensors = spoilt_sensors(np.ones((900, 4)), random)
+    clean, outside = fit.read(rows, np.take_along_axis(symmetry.sensors[image], sensors, axis=1), gains)
+    images = np.array([x[row, symmetry.sensors[k]] for row, k in zip(rows, image, strict=True)])
     spoilt = gains[:, :, None] * np.take_along_axis(images, sensors[:, :, None], axis=1)
-    rest = analyse(parts, images).s2[:, 0]
-    assert fit.rest() == pytest.approx(np.sqrt(rest.mean()), rel=1e-3)
+    assert fit.rest() == pytest.approx(np.sqrt(analyse(parts, x).s2.mean()), rel=1e-3)
     expected = analyse(parts, spoilt)
     assert clean == pytest.approx(expected.c, abs=1e-4)
     y = np.tensordot(spoilt / unit - parts.mean, parts.modes, (1, 1))

@@ -44,7 +44,7 @@ def trained(setup, tmp_path_factory):
     folder = tmp_path_factory.mktemp("campaign") / "dish.zarr"
     run_campaign(plan, folder, workers=2)
     data = read_campaign(folder)
-    training = replace(Training.of(data), epochs=150, components=48, references=128)
+    training = replace(Training.of(data), steps=600, components=48, width=128, batch=256)
     return train_posterior(data, training), data, training
 
 
@@ -202,4 +202,4 @@ def test_images_are_found_or_none(setup, trained):
     found = [*mirrors(Mesh(setup=setup).structure)]
     assert [len(each.zones) for each in found] == [1]
     stored = Symmetry.stored(json.loads(trained[1].attrs["symmetry"]))
-    assert stored.answered.tolist() == [[0, 1, 2, 3, 4]]
+    assert stored.zones.tolist() == [[0, 1, 2, 3, 4]]

@@ -41,6 +41,7 @@ TUNED = {
     *("density x 1.05", "everything varied", "dead sensor", "another mesh", "prestrain x 1.05", "modulus x 0.95"),
     *("one gain x 0.95", "late by 1 sample", "a sensor 3 % off its place", "tilted pressure"),
     *("band across zones", "hole in a zone", "healthy, noise", "healthy, whole chain", "other sensors"),
+    "healthy, modulus within 5 %",
 }
 # Kept out of tuning: nobody looks at these while a judge is made better, nor chooses a number by them.
 HELD_OUT = {
@@ -54,6 +55,7 @@ HELD_OUT = {
         "coloured noise",
         "healthy, clean",
         "pressure with a harmonic",
+        "healthy, gain within 5 %",
     ),
 }
 KNOWN = TUNED | HELD_OUT
@@ -165,6 +167,10 @@ def conditions(plan: campaigns.CampaignPlan, other: campaigns.Mesh | None, cases
         Condition("healthy, noise", "healthy", healthy),
         Condition("healthy, everything varied", "healthy_everything", replace(healthy, vary=everything)),
     ]
+    for name in ("modulus", "gain"):
+        if vary := _varied(mesh, MISMATCHES[name][0], 0.95, 1.05):
+            off = replace(healthy, vary=vary)
+            found.append(Condition(f"healthy, {name} within 5 %", f"healthy_{name}", off, quick=True))
     if square:
         found.append(Condition("healthy, whole chain", "healthy_chain", _through_chain(healthy)))
     return found

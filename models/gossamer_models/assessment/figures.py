@@ -14,7 +14,6 @@ from scipy.special import ndtri
 
 from ..arrays import Matrix, Rows, Vector
 from ..detector import DetectorArtifact, PosteriorArtifact, detector_model
-from ..detector.posterior import WRONG
 from ..detector.posterior_records import Sensing, Training, cut_windows
 from ..detector.posterior_training import split
 from ..detector.thesis_tables import GROUPS
@@ -28,6 +27,8 @@ if TYPE_CHECKING:
 
 CALL = 0.05  # [1] damage that counts as a call
 OFF = 0.05  # [1] error of a zone that misleads
+WRONG = 0.10  # [1] error of a zone of a wrong record
+MARKED, CALLED = 3.0, 2.0  # stated deviations within which an error is marked, and by which a call is above 0
 NOMINAL = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)  # central intervals of the reliability diagram
 NOISES = {"clean": "no noise", "stated": "noise"}  # that of the campaign
 SEED = 1  # of the noise of the test cases of the thesis
@@ -45,14 +46,18 @@ class Figures:
         Mean absolute error over all zones and over damaged zones [% damage], invalid answers included.
     valid : Share
         Valid records.
+    determined : Share
+        Zones of valid records that have a value: their stated deviation is 2 points or less.
     hits : Share
-        Calls among zones damaged by ``CALL`` or more, of all records; a call is a valid estimate above ``CALL``.
+        Calls among zones damaged by ``CALL`` or more, of all records; a call is a valid estimate above ``CALL`` and above
+        ``CALLED`` stated deviations.
     false_calls : Share
         Records with a call in an undamaged zone.
-    wrong, wrong_and_invalid : Share
-        Records with an error above ``WRONG`` in some zone, and those of them that are marked invalid.
+    wrong, wrong_and_marked : Share
+        Records with an error above ``WRONG`` in some zone, and those of them that say so: they are not valid, or no such
+        error is above ``MARKED`` stated deviations.
     wrong_and_valid : Share
-        Valid records with a zone that is determined and off by more than ``OFF`` and three stated deviations.
+        Valid records with a zone that is determined and off by more than ``OFF`` and ``MARKED`` stated deviations.
     worst_healthy : float
         Largest error in an undamaged zone [% damage], invalid answers included.
     z_rms, damaged_z_rms : float
@@ -67,10 +72,11 @@ class Figures:
     error_all: float
     error_damaged: float
     valid: Share
+    determined: Share
     hits: Share
     false_calls: Share
     wrong: Share
-    wrong_and_invalid: Share
+    wrong_and_marked: Share
     wrong_and_valid: Share
     worst_healthy: float
     z_rms: float
@@ -92,8 +98,10 @@ def figures(damage: Matrix, verdicts: Verdicts) -> Figures:
     """
     error = np.abs(verdicts.damage - damage)
     damaged = damage > 0.0
-    called = verdicts.valid[:, None] & (verdicts.damage > CALL)
-    wrong = error.max(axis=1) > WRONG
+    deviation = np.zeros(damage.shape) if verdicts.deviation is None else verdicts.deviation
+    called = verdicts.valid[:, None] & (verdicts.damage > np.maximum(CALL, CALLED * deviation))
+    wrong = error > WRONG
+    unmarked = verdicts.valid & (wrong & (error > MARKED * deviation)).any(axis=1)
     z = np.abs(scaled_errors(damage, verdicts))
     damaged_z = z[damaged[verdicts.valid].ravel()] if z.size else z
     P = verdicts.probability
@@ -102,10 +110,11 @@ def figures(damage: Matrix, verdicts: Verdicts) -> Figures:
         error_all=100.0 * _mean(error),
         error_damaged=100.0 * _mean(error[damaged]),
         valid=share(verdicts.valid),
+        determined=share(determined(verdicts)[verdicts.valid].ravel()),
         hits=share(called[damage >= CALL]),
         false_calls=share((called & ~damaged).any(axis=1)),
-        wrong=share(wrong),
-        wrong_and_invalid=share(~verdicts.valid[wrong]),
+        wrong=share(wrong.any(axis=1)),
+        wrong_and_marked=share(~unmarked[wrong.any(axis=1)]),
         wrong_and_valid=share((misleading(damage, verdicts)).any(axis=1)),
         worst_healthy=100.0 * float(error[~damaged].max(initial=0.0)),
         z_rms=math.sqrt(_mean(z**2)),
@@ -117,15 +126,17 @@ def figures(damage: Matrix, verdicts: Verdicts) -> Figures:
 
 
 def misleading(damage: Matrix, verdicts: Verdicts) -> Rows:
-    """Return which zones of valid records are determined and wrong, shape (n, zones).
+    """Return which zones of valid records are determined and wrong, shape (n, zones)."""
+    error = np.abs(verdicts.damage - damage)
+    least = OFF if verdicts.deviation is None else np.maximum(OFF, MARKED * verdicts.deviation)
+    return np.asarray(verdicts.valid[:, None] & determined(verdicts) & (error > least))
 
-    Of a judge that states no deviation every zone counts as determined.
-    """
-    error, told = np.abs(verdicts.damage - damage), np.ones(damage.shape, dtype=bool)
-    if verdicts.deviation is not None:
-        told = verdicts.deviation <= DETERMINED if verdicts.determined is None else verdicts.determined
-        told = told & (error > 3.0 * verdicts.deviation)
-    return np.asarray(verdicts.valid[:, None] & told & (error > OFF))
+
+def determined(verdicts: Verdicts) -> Rows:
+    """Return which zones have a value, shape (n, zones): all, if the judge states no deviation."""
+    if verdicts.deviation is None:
+        return np.ones(verdicts.damage.shape, dtype=bool)
+    return verdicts.deviation <= DETERMINED if verdicts.determined is None else verdicts.determined
 
 
 def scores(verdicts: Verdicts) -> Matrix:
@@ -255,8 +266,8 @@ def errors(damage: Matrix, verdicts: Verdicts) -> dict[str, float]:
     -------
     dict
         ``all zones`` and ``damaged zones``, mean absolute errors [% damage]; ``in 95 % band``, share of the damaged zones of
-        valid records; ``valid``, ``false calls`` and ``wrong``, shares of the records; ``wrong and valid``, share of the
-        wrong ones.
+        valid records; ``valid``, ``false calls``, ``wrong`` and ``wrong and valid``, shares of the records; ``determined``,
+        share of the zones of valid ones.
     """
     f = figures(damage, verdicts)
     found = {
@@ -264,8 +275,9 @@ def errors(damage: Matrix, verdicts: Verdicts) -> dict[str, float]:
         "damaged zones": f.error_damaged,
         "in 95 % band": f.damaged_within_95,
         "valid": f.valid.value,
+        "determined": f.determined.value,
         "false calls": f.false_calls.value,
         "wrong": f.wrong.value,
-        "wrong and valid": 1.0 - f.wrong_and_invalid.value,
+        "wrong and valid": f.wrong_and_valid.value,
     }
     return {name: value for name, value in found.items() if math.isfinite(value)}

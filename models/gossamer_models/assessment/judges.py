@@ -265,7 +265,7 @@ def read_judge(path: Path, structure: Structure | None = None) -> Judge:
     if structure is not None:
         trained.require_structure(structure, str(path))
     if isinstance(trained, PosteriorArtifact):
-        return PosteriorJudge(trained, name=f"{trained.windows[0].network} {path.stem}")
+        return PosteriorJudge(trained, name=f"posterior {path.stem}")
     return DetectorJudge(detector_model(trained), name=f"energies {path.stem}")
 
 

@@ -10,28 +10,29 @@ from ..detector.thesis_tables import TABLES
 from .results import AssessmentResults, DetectionRow, Row
 
 CONDITIONS = (
-    "Errors [% damage] and shares [%]. call: valid estimate above 5 %; false calls: records with a call in an undamaged "
-    "zone, and the upper 95 % bound; wrong: error above 10 % in a zone; z rms, in 95 %: of the stated deviations, damaged "
-    "zones of valid records; wrong and valid: records with an error above 5 % and 3 stated deviations in a zone that is "
-    "determined; *: kept out of tuning"
+    "Errors [% damage] and shares [%]. call: valid estimate above 5 % and 2 stated deviations; false calls: records with a "
+    "call in an undamaged zone, and the upper 95 % bound; determined: zones of valid records with a deviation of 2 % or "
+    "less; wrong: error above 10 % in a zone; marked: not valid, or no such error above 3 stated deviations; z rms, in "
+    "95 %: of the stated deviations, damaged zones of valid records; wrong and valid: records with an error above 5 % and 3 "
+    "stated deviations in a zone that is determined; *: kept out of tuning"
 )
 
 
 def condition_table(found: AssessmentResults) -> TableText:
     """Return errors and shares, a row for each judge and condition."""
-    head = ("detector", "condition", "records", "error, all zones", "damaged zones", "hits", "false calls", "valid")
+    head = ("detector", "condition", "records", "error, all zones", "damaged zones", "hits", "false calls")
+    shares = ("valid", "determined", "wrong, of them marked", "wrong and valid")
     rows = [_of_condition(row) for row in found.rows]
-    wrong = ("wrong, of them invalid", "wrong and valid", "worst healthy zone")
-    return TableText((*head, *wrong, "z rms", "in 95 %", "Brier"), rows, CONDITIONS)
+    return TableText((*head, *shares, "worst healthy zone", "z rms", "in 95 %"), rows, CONDITIONS)
 
 
 def _of_condition(row: Row) -> tuple[str, ...]:
     f = row.figures
-    errors = (number(f.error_all), number(f.error_damaged), percent(f.hits.value), _calls(row), percent(f.valid.value))
-    wrong = f"{f.wrong.number}, {percent(f.wrong_and_invalid.value)}"
-    stated = (number(f.damaged_z_rms), percent(f.damaged_within_95), number(f.brier))
-    worst = (f"{f.wrong_and_valid.number} of {f.records}", number(f.worst_healthy))
-    return row.judge, row.condition + " *" * row.held_out, str(f.records), *errors, wrong, *worst, *stated
+    errors = (number(f.error_all), number(f.error_damaged), percent(f.hits.value), _calls(row))
+    wrong = (f"{f.wrong.number}, {percent(f.wrong_and_marked.value)}", f"{f.wrong_and_valid.number} of {f.records}")
+    shares = (percent(f.valid.value), percent(f.determined.value), *wrong)
+    stated = (number(f.worst_healthy), number(f.damaged_z_rms), percent(f.damaged_within_95))
+    return row.judge, row.condition + " *" * row.held_out, str(f.records), *errors, *shares, *stated
 
 
 def _calls(row: Row | DetectionRow) -> str:
@@ -71,7 +72,8 @@ def thesis_tables(found: AssessmentResults) -> dict[str, TableText]:
 
 def error_table(found: Mapping[str, Mapping[str, float]]) -> TableText:
     """Return the errors on held-out cases, a row for each kind of record."""
-    errors, shares = (("all zones", "damaged zones"), ("in 95 % band", "valid", "false calls", "wrong", "wrong and valid"))
+    errors = ("all zones", "damaged zones")
+    shares = ("in 95 % band", "valid", "determined", "false calls", "wrong", "wrong and valid")
     rows: Sequence[tuple[str, ...]] = [
         (
             kind,

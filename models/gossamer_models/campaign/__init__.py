@@ -2,7 +2,18 @@
 
 from .cases import Cases, draw_cases, measured_resistance, measured_strain
 from .defaults import campaign_of_setup
-from .description import LOAD, OF_NO_VARIABLE, SENSOR_GAIN, CampaignPlan, Chain, Damage, Distribution, MeasurementNoise, Vary
+from .description import (
+    LOAD,
+    OF_NO_VARIABLE,
+    SENSOR_GAIN,
+    CampaignPlan,
+    Chain,
+    Coarser,
+    Damage,
+    Distribution,
+    MeasurementNoise,
+    Vary,
+)
 from .mesh import Mesh
 from .run import CampaignStoppedError, Summary, run_campaign
 from .store import read_campaign
@@ -12,6 +23,7 @@ __all__ = [
     "campaign_of_setup",
     "CampaignPlan",
     "Chain",
+    "Coarser",
     "Damage",
     "Distribution",
     "LOAD",

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -80,14 +80,14 @@ def draw_cases(campaign: CampaignPlan, numbers: Sequence[int]) -> Cases:
     vary = dict(sorted(campaign.vary.items()))
     gain = vary.pop(SENSOR_GAIN, Vary(range=(1.0, 1.0)))
     zones, sensors = campaign.membrane.structure.n_zones, campaign.membrane.structure.n_sensors
-    u = unit_points(campaign, numbers, 1 + 2 * zones + sensors + len(vary) + 1)
-    count, order, depth, gains, rest, when = np.split(u, np.cumsum([1, zones, zones, sensors, len(vary)]), axis=1)
+    u = unit_points(campaign, numbers, 1 + 2 * zones + sensors + len(vary) + 2)
+    count, order, depth, gains, rest, when, own = np.split(u, np.cumsum([1, zones, zones, sensors, len(vary), 1]), axis=1)
     first, last = campaign.damage.onset
     return Cases(
         numbers=numbers,
         damage=_listed(campaign, numbers) if campaign.damage.cases else _drawn(campaign, count, order, depth),
         varied={name: _spread(v, campaign.base(name), rest[:, i]) for i, (name, v) in enumerate(vary.items())},
-        sensor_gain=_spread(gain, 1.0, gains),
+        sensor_gain=np.where(own < gain.share, _spread(replace(gain, share=1.0), 1.0, gains), 1.0),
         onset=np.maximum(first + (last - first) * when[:, 0], 0.0),
     )
 
@@ -138,8 +138,11 @@ def _drawn(campaign: CampaignPlan, count: Matrix, order: Matrix, depth: Matrix) 
 def _spread(vary: Vary, base: float, u: Matrix) -> Matrix:
     """Turn points of the unit interval into values of a range: uniform, or with a uniform logarithm for a factor.
 
-    Powers are taken one by one: NumPy's depend on the place of a number in its array, in the last bit.
+    Points beyond the share of the cases that it varies in give the constant value. Powers are taken one by one: NumPy's
+    depend on the place of a number in its array, in the last bit.
     """
+    if vary.share < 1.0:
+        return np.where(u < vary.share, _spread(replace(vary, share=1.0), base, u / vary.share), base)
     if vary.factor is not None:
         low, high = vary.factor
         powers = np.array([(high / low) ** x for x in u.ravel().tolist()]).reshape(u.shape)

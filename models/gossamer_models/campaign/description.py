@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Literal
 
 import numpy as np
@@ -30,7 +30,7 @@ ONSET = "onset"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Vary:
-    """Range that a quantity is drawn from; one of the two.
+    """Range that a quantity is drawn from: ``range`` or ``factor``.
 
     Attributes
     ----------
@@ -38,10 +38,13 @@ class Vary:
         In the unit of the quantity, uniform.
     factor : tuple of float or None
         Of the constant value; the logarithm is uniform, so that half and double are as likely.
+    share : float
+        Of the cases that it varies in [1]; it has its constant value in the others.
     """
 
     range: Pair | None = None
     factor: Pair | None = None
+    share: float = 1.0
 
     def __post_init__(self) -> None:
         if (self.range is None) == (self.factor is None):
@@ -51,6 +54,8 @@ class Vary:
         if self.factor is not None and self.factor[0] <= 0.0:
             text = f"'factor' begins at {self.factor[0]:g}; factors are positive. Write a range in its place."
             raise DescriptionError(Mistake(("factor",), text))
+        if not 0.0 < self.share <= 1.0:
+            raise DescriptionError(Mistake(("share",), f"'share' is {self.share:g}. Write a share above 0, up to 1."))
 
     def limits(self, base: float) -> Pair:
         """Return the lowest and highest value, given the constant one."""
@@ -180,6 +185,27 @@ class Chain:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Coarser:
+    """Cases on a coarser mesh, which a network is trained on first: many cheap ones before few dear ones.
+
+    Attributes
+    ----------
+    order : int
+        Of their elements.
+    times : int
+        How many times as many cases.
+    """
+
+    order: int = 2
+    times: int = 3
+
+    def __post_init__(self) -> None:
+        for name, value in (("order", self.order), ("times", self.times)):
+            if value < 1:
+                raise DescriptionError(Mistake((name,), f"{name!r} is {value}. Write a whole number from 1."))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CampaignPlan:
     """Many simulations of one membrane. A case is a function of ``seed``, its number, and what else stands here.
 
@@ -199,7 +225,7 @@ class CampaignPlan:
         Length of the windows of a detector that is trained on it [s]; None where the training says it.
     chunk : int
         Cases of one task and of one file, 64 to 256 are good.
-    membrane, damage, vary, noise, chain
+    membrane, damage, vary, noise, chain, coarser
         See there; ``vary`` takes parameters and constant inputs of the membrane, ``sensor_gain`` and ``noise`` (a factor).
 
     Raises
@@ -221,6 +247,7 @@ class CampaignPlan:
     vary: Mapping[str, Vary] = field(default_factory=dict)
     noise: MeasurementNoise = field(default_factory=MeasurementNoise)
     chain: Chain | None = None
+    coarser: Coarser | None = None
 
     def __post_init__(self) -> None:
         raise_any([*self._mistakes()])
@@ -285,6 +312,14 @@ class CampaignPlan:
         if name in OF_NO_VARIABLE:
             return 1.0
         return self.membrane.base(name)
+
+    @property
+    def coarse(self) -> CampaignPlan | None:
+        """The campaign on the coarser mesh, with other cases; None if there is none."""
+        if self.coarser is None:
+            return None
+        membrane, cases = self.membrane.of_order(self.coarser.order), self.coarser.times * self.count
+        return replace(self, membrane=membrane, cases=cases, seed=self.seed + 1, coarser=None)
 
     @property
     def count(self) -> int:

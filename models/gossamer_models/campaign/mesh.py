@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -53,6 +53,12 @@ class Mesh:
         both = "stands in the table of loads and is a constant, too. Remove one of them."
         twice = [Mistake(("parameters", name), f"{name!r} {both}") for name in self.parameters if name in self.histories]
         raise_any(mistakes + twice)
+
+    def of_order(self, order: int) -> Mesh:
+        """Return the membrane with elements of another order."""
+        if self.setup is None:
+            return replace(self, order=order)
+        return replace(self, setup=replace(self.setup, order=order))
 
     @property
     def histories(self) -> tuple[str, ...]:

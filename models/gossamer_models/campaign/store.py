@@ -41,7 +41,7 @@ HISTORY = ("case", "sensor", "time")
 def identity(campaign: CampaignPlan, kernels: Kernels) -> dict[str, Any]:
     """Return everything that the numbers of a campaign depend on, as JSON values by the path of their keys."""
     content = asdict(campaign)
-    del content["title"]
+    del content["title"], content["coarser"]
     if campaign.chain is not None:
         del content["chain"]["artifact"]  # the digest of the sensor stands for it
     if campaign.membrane.setup is not None:

@@ -19,7 +19,7 @@ from ..variables import Results, Values, Variable, input_, output, pack, paramet
 from .artifact import DetectorArtifact, TrainedWindows
 from .features import BLOCK, PACKETS, Register, block_energies
 from .networks import Defuzzification, defuzzify, similarity
-from .posterior import LARGEST_RISK, DamagePosterior, judge_window
+from .posterior import DamagePosterior, judge_window
 from .posterior_artifact import PosteriorArtifact, PosteriorWindow
 
 SNAP = 1e-6  # in sampling steps: a sample due within this is due now, so that rounding does not accumulate
@@ -310,7 +310,7 @@ def posterior_model(artifact: PosteriorArtifact | None = None) -> StepModel:
     -------
     StepModel
         Inputs ``strain[1..s]`` [1] of s sensors; outputs ``damage[1..z]``, ``deviation[1..z]``, ``probability[1..z]`` of z
-        zones, ``misfit``, ``risk`` and ``valid`` [1].
+        zones, ``misfit`` and ``valid`` [1].
 
     Notes
     -----
@@ -321,7 +321,7 @@ def posterior_model(artifact: PosteriorArtifact | None = None) -> StepModel:
     trained for that (``PosteriorArtifact.periodic``) they are not valid.
 
     Before the first window ends nothing is known: all outputs are 0. ``valid`` is 1 if the windows are those of the
-    training, ``misfit`` is 1 or less, and ``risk`` is ``LARGEST_RISK`` or less.
+    training and ``misfit`` is 1 or less; how well each zone is known, its ``deviation`` says.
     """
     trained = artifact or PosteriorArtifact.default()
     zones = [*enumerate(trained.names, start=1)]
@@ -335,7 +335,6 @@ def posterior_model(artifact: PosteriorArtifact | None = None) -> StepModel:
         return judge_window(window, trained.block, *register.features(trained.samples), known)[0]
 
     zero, none = ca.MX(0.0), ca.MX.zeros(trained.zones)
-    valid = f"1 if the windows are those of the training, misfit is 1 and risk {LARGEST_RISK:g} or less, else 0"
     return window_model(
         trained,
         "a network of its posterior",
@@ -343,13 +342,9 @@ def posterior_model(artifact: PosteriorArtifact | None = None) -> StepModel:
             *(positive(f"deviation[{z}]", description=f"Standard deviation of the damage of {name}") for z, name in zones),
             *(fraction(f"probability[{z}]", description=f"Probability that {name} is damaged") for z, name in zones),
             positive("misfit", description="Distance from the records of the training; 1 is the largest valid one"),
-            fraction("risk", description="Chance that the damage of some zone is wrong by more than 10 % of its stiffness"),
-            fraction("valid", description=valid),
+            fraction("valid", description="1 if the windows are those of the training, and misfit is 1 or less, else 0"),
         ),
-        (
-            Register.empty(trained.sensors, trained.samples // trained.block),
-            DamagePosterior(none, none, none, zero, zero, zero),
-        ),
+        (Register.empty(trained.sensors, trained.samples // trained.block), DamagePosterior(none, none, none, zero, zero)),
         advance,
         [partial(judge, window) for window in trained.windows],
     )

@@ -1,10 +1,10 @@
-"""The networks of the detectors: similarity-based neuro-fuzzy ones as in the thesis, a perceptron, and how they are trained.
+"""The networks of the detectors: neuro-fuzzy ones as in the thesis, residual ones, and how these are trained.
 
 Symbols, as in Chapter 6 of [1]_: ``I`` input (damage feature index), ``X`` reference inputs, ``D`` distance, ``S``
 similarity, ``w1`` distance weights, ``b`` bias, ``w2`` rule weights, ``O`` memberships of the damage in the fuzzy sets,
 ``peaks`` damage at which each set has membership one. Of what is trained here: ``W``, ``b`` weights and biases of a layer,
-``a`` its values; ``f`` features; ``T`` weights of the indices; ``V`` roots of the distance weights; ``R``, ``c`` weights and
-bias of the output layer; ``g`` gradients of the loss. Its arrays are single precision, one row per case.
+``a`` what they give, ``h`` values of a layer, ``x`` inputs, ``g`` gradients of the loss. Its arrays are single precision,
+one row per case.
 
 Correction of the source: similarity falls with distance, so Eq. (6.3) must read S = 1 / (1 + exp(-(b - D))).
 
@@ -17,7 +17,7 @@ References
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any, Literal
@@ -31,8 +31,9 @@ from ..arrays import Vector
 Defuzzification = Literal["centroid", "mom", "som", "lom"]
 Rows32 = NDArray[np.floating[Any]]  # single precision where it is trained
 PEAKS = (0.0, 0.25, 0.5)  # damage at which a zone has membership one in each fuzzy set [1]
-LEAST = 1e-3  # added to the sum of the memberships, so that no similarity at all gives no damage
-BIAS, NEAR = 2.0, 0.6  # of the first similarities: about a tenth on average
+LEAST_SPREAD = 1e-5  # added to the variance of the values of a layer
+LONGEST = 5.0  # gradient of all arrays
+DECAY = 0.01  # of the weights, relative to the rate
 
 
 def similarity(I: ca.MX, X: ca.MX, w1: ca.MX, b: float) -> ca.MX:
@@ -174,9 +175,83 @@ class Perceptron:
         return found, g
 
 
+@dataclass(frozen=True)
+class ResidualNetwork:
+    """Layers that add to the values before them; the first and the last one replace them.
+
+    Attributes
+    ----------
+    arrays : list of ndarray
+        W and b of the first layer, shapes (inputs, width) and (width,), of each layer that adds, (width, width) and
+        (width,), and of the last one, (width, outputs) and (outputs,).
+
+    Notes
+    -----
+    :math:`h_0 = silu(x W + b)`, :math:`h_{k+1} = h_k + silu(norm(h_k) W + b)` as in [1]_, and outputs :math:`h W + b`, with
+    :math:`silu(a) = a / (1 + e^{-a})`. ``norm`` takes mean and deviation of the values of a case away [2]_; its usual
+    weights are part of W and b.
+
+    References
+    ----------
+    .. [1] K. He, X. Zhang, S. Ren, J. Sun, Deep residual learning for image recognition, CVPR, 2016, arXiv:1512.03385.
+    .. [2] J. L. Ba, J. R. Kiros, G. E. Hinton, Layer normalization, 2016, arXiv:1607.06450.
+    """
+
+    arrays: list[Rows32]
+
+    @classmethod
+    def random(cls, inputs: int, width: int, layers: int, outputs: int, random: np.random.Generator) -> ResidualNetwork:
+        """Make a network with random weights, and an output near 0."""
+        arrays = Perceptron.random((inputs, *[width] * (layers + 1), outputs), random).arrays
+        arrays[-2] *= np.float32(0.01)
+        return cls(arrays)
+
+    def values(self, x: Rows32) -> list[Rows32]:
+        """Return the values of all layers, beginning with the input."""
+        W, b = self.arrays[:2]
+        found = [x, silu(x @ W + b)]
+        for layer in range(2, len(self.arrays) - 2, 2):
+            W, b = self.arrays[layer : layer + 2]
+            found.append(found[-1] + silu(_norm(found[-1])[0] @ W + b))
+        return [*found, found[-1] @ self.arrays[-2] + self.arrays[-1]]
+
+    def gradients(self, values: Sequence[Rows32], g: Rows32) -> list[Rows32]:
+        """Propagate the gradient of the outputs, shape (n, outputs), back; return it as ``arrays``."""
+        x, *h, _ = values
+        found = [h[-1].T @ g, g.sum(axis=0)]
+        g = g @ self.arrays[-2].T
+        for layer in range(len(self.arrays) - 4, 0, -2):
+            W, b = self.arrays[layer : layer + 2]
+            y, scale = _norm(h[layer // 2 - 1])
+            of_a = g * _slope(y @ W + b)
+            found = [y.T @ of_a, of_a.sum(axis=0), *found]
+            of_y = of_a @ W.T
+            means = of_y.mean(axis=1, keepdims=True), np.mean(of_y * y, axis=1, keepdims=True)
+            g = g + scale * (of_y - means[0] - y * means[1])
+        of_a = g * _slope(x @ self.arrays[0] + self.arrays[1])
+        return [x.T @ of_a, of_a.sum(axis=0), *found]
+
+
+def silu(a: Rows32) -> Rows32:
+    """Return values times their logistic function."""
+    return np.asarray(a / (1.0 + np.exp(-a)))
+
+
+def _slope(a: Rows32) -> Rows32:
+    share = 1.0 / (1.0 + np.exp(-a))
+    return np.asarray(share * (1.0 + a * (1.0 - share)))
+
+
+def _norm(h: Rows32) -> tuple[Rows32, Rows32]:
+    """Return the values of each case less their mean, over their deviation, and one over that."""
+    centred = h - h.mean(axis=1, keepdims=True)
+    scale = 1.0 / np.sqrt(np.mean(centred**2, axis=1, keepdims=True) + h.dtype.type(LEAST_SPREAD))
+    return centred * scale, scale
+
+
 @dataclass
 class Adam:
-    """Adam [1]_ over a list of arrays, which it changes in place.
+    """Adam [1]_ over a list of arrays, which it changes in place, with weights that decay [2]_.
 
     Attributes
     ----------
@@ -186,6 +261,7 @@ class Adam:
     References
     ----------
     .. [1] D. P. Kingma, J. Ba, Adam: a method for stochastic optimization, ICLR, 2015, arXiv:1412.6980.
+    .. [2] I. Loshchilov, F. Hutter, Decoupled weight decay regularization, ICLR, 2019, arXiv:1711.05101.
     """
 
     arrays: list[Rows32]
@@ -194,104 +270,17 @@ class Adam:
     _squares: list[Rows32] = field(default_factory=list)
 
     def step(self, gradients: Sequence[Rows32], rate: float) -> None:
-        """Take one step against the gradients."""
+        """Take one step against the gradients, which together are no longer than ``LONGEST``."""
         if not self._means:
             self._means = [np.zeros_like(a) for a in self.arrays]
             self._squares = [np.zeros_like(a) for a in self.arrays]
         self._steps += 1
+        length = np.sqrt(sum(float(np.vdot(g, g)) for g in gradients))
+        shorter = np.float32(min(1.0, LONGEST / max(length, LONGEST)))
         size = rate * np.sqrt(1.0 - 0.999**self._steps) / (1.0 - 0.9**self._steps)
         for a, g, mean, square in zip(self.arrays, gradients, self._means, self._squares, strict=True):
-            mean += 0.1 * (g - mean)
-            square += 0.001 * (g * g - square)
+            each = shorter * g
+            mean += np.float32(0.1) * (each - mean)
+            square += np.float32(0.001) * (each * each - square)
+            a *= np.float32(1.0 - rate * DECAY)
             a -= np.float32(size) * mean / (np.sqrt(square) + np.float32(1e-8))
-
-
-def batches(cases: int, size: int, random: np.random.Generator) -> Iterator[NDArray[np.int64]]:
-    """Deal the cases into batches, in random order; the last few that fill none wait for another epoch."""
-    order = random.permutation(cases)
-    for first in range(0, max(cases - size, 0) + 1, size):
-        yield order[first : first + size]
-
-
-@dataclass(frozen=True)
-class FuzzyRules:
-    """Indices, similarities with reference cases, and rules for q of z zones.
-
-    Attributes
-    ----------
-    arrays : list of ndarray
-        ``T``, shape (F, z); ``X`` and ``V``, shape (n, z); ``b``, shape (1,); ``R``, shape (n, 5 q); ``c``, shape (5 q,).
-        The output layer gives the logarithms of the odds of damage of the zones, their memberships in the sets of
-        ``PEAKS``, set by set, and the logarithms of their deviations.
-    """
-
-    arrays: list[Rows32]
-
-    @classmethod
-    def of_cases(cls, f: Rows32, d: Rows32, answered: int, references: int, random: np.random.Generator) -> FuzzyRules:
-        """Begin with cases as references, as the thesis does, and with indices that estimate the damages linearly.
-
-        Parameters
-        ----------
-        f : ndarray, shape (m, F)
-            Features of cases.
-        d : ndarray, shape (m, z)
-            Their damage [1]; the first columns are the zones that the network answers for.
-        answered : int
-            Number of these.
-        references : int
-            Number of the cases that become references.
-        random : numpy.random.Generator
-            Which, and how far each reaches along each index.
-        """
-        T = np.linalg.solve(f.T @ f + np.eye(f.shape[1]), f.T @ (d - d.mean(axis=0)))
-        spread = (f @ T).std(axis=0)
-        T /= np.where(spread > 0.0, spread, 1.0)
-        chosen = random.choice(len(f), references, replace=False)
-        X = f[chosen] @ T
-        V = np.exp(random.standard_normal(X.shape)) * NEAR / np.sqrt(X.shape[1])
-        S = cls._similarity(f[:1000] @ T, X, V, BIAS)
-        O = triangular_memberships(d[chosen, :answered], PEAKS)  # (n, q, k)
-        R = np.zeros((references, (2 + len(PEAKS)) * answered))
-        R[:, answered:-answered] = O.transpose(0, 2, 1).reshape(references, -1) / S.sum(axis=1).mean()
-        return cls([a.astype(np.float32) for a in (T, X, V, np.array([BIAS]), R, np.zeros(R.shape[1]))])
-
-    @staticmethod
-    def _similarity(I: Rows32, X: Rows32, V: Rows32, b: Rows32 | float) -> Rows32:
-        w = V * V
-        D = (I * I) @ w.T - 2.0 * I @ (w * X).T + np.sum(w * X * X, axis=1)
-        return np.asarray(1.0 / (1.0 + np.exp(np.clip(D - b, -60.0, 60.0))))
-
-    def values(self, f: Rows32) -> list[Rows32]:
-        """Return features, indices, values of the output layer, similarities, and heads: odds, mean and deviation."""
-        T, X, V, b, R, c = self.arrays
-        I = f @ T
-        S = self._similarity(I, X, V, b)
-        a = S @ R + c
-        logit, O, total, spread = _parts(a)
-        mean = np.einsum("nkz,k->nz", O, np.array(PEAKS, f.dtype)) / total
-        return [f, I, a, S, np.hstack([logit, mean, spread])]
-
-    def gradients(self, values: Sequence[Rows32], g: Rows32) -> tuple[list[Rows32], Rows32]:
-        """Propagate the gradient of the heads, shape (n, 3 q), back; return it as ``arrays``, and for the features."""
-        T, X, V, _, R, _ = self.arrays
-        f, I, a, S, heads = values
-        _, O, total, _ = _parts(a)
-        logit, mean, spread = np.split(g, 3, axis=1)
-        slope = (np.array(PEAKS, f.dtype)[:, None] - np.split(heads, 3, axis=1)[1][:, None]) / total[:, None]
-        of_O = (mean[:, None] * slope * (O > 0.0)).reshape(len(f), -1)
-        g_a = np.hstack([logit, of_O, spread])
-        g_D = -(g_a @ R.T) * S * (1.0 - S)
-        w = V * V
-        weighed, count = g_D.T @ I, g_D.sum(axis=0)[:, None]
-        g_w = g_D.T @ (I * I) - 2.0 * X * weighed + X * X * count
-        g_I = 2.0 * (I * (g_D @ w) - g_D @ (w * X))
-        found = [f.T @ g_I, -2.0 * w * (weighed - X * count), 2.0 * V * g_w, -g_D.sum(keepdims=True)[0], S.T @ g_a]
-        return [*found, g_a.sum(axis=0)], g_I @ T.T
-
-
-def _parts(a: Rows32) -> tuple[Rows32, Rows32, Rows32, Rows32]:
-    """Split the output layer: odds (n, q), memberships (n, k, q) and their sums (n, q), logarithms of deviations (n, q)."""
-    parts = a.reshape(len(a), 2 + len(PEAKS), -1)
-    O = np.maximum(parts[:, 1:-1], 0.0)
-    return parts[:, 0], O, O.sum(axis=1) + a.dtype.type(LEAST), parts[:, -1]

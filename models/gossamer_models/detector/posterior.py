@@ -4,13 +4,12 @@ Symbols: ``x`` centred block means [1], ``V``, ``lam`` axes and variances of the
 ``r`` what lies outside them, ``s`` noise of a block mean, all in units of ``Components.unit``; ``P``, ``m``, ``sd``
 probability, mean and standard deviation of the damage of a damaged zone [1].
 
-``judge_window`` is the definition, as an expression. ``analyse``, ``heads_of`` and ``explain`` are the same in NumPy for
+``judge_window`` is the definition, as an expression. ``analyse``, ``heads_of`` and ``unexplained`` are the same in NumPy for
 many cases at once, as training needs it.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -22,11 +21,10 @@ from numpy.typing import NDArray
 from ..arrays import Matrix, Vector
 from ..variables import results_of
 from .features import Components, block_means, difference_noise
-from .networks import LEAST, PEAKS, FuzzyRules, Perceptron, defuzzify, similarity
+from .networks import LEAST_SPREAD, Perceptron, ResidualNetwork
 from .posterior_artifact import HEADS, PosteriorArtifact, PosteriorWindow
 
-WRONG = 0.10  # error of a zone that a valid answer must not have [1]
-LARGEST_RISK = 0.01  # of a valid answer: that it is wrong by more than 10 % [1]
+SMALL_CHANCE = 1e-3  # of damage in a zone that is answered with none, or of none in a damaged one, that still counts
 FLOOR = 3e-5  # least noise of a block mean, far below what matters, so that clean records have one too
 SPREAD, SPREADS = 0.017, 3.0  # a network can state standard deviations within e^-3 to e^3 times this [1]
 Rows = NDArray[Any]  # of single or double precision
@@ -39,18 +37,16 @@ class DamagePosterior:
     Attributes
     ----------
     damage : estimate [1], 0 where damage is less likely than not.
-    deviation : standard deviation [1].
+    deviation : standard deviation [1], or a third of what bounds the error, if that is more.
     probability : that there is damage [1].
     misfit : distance from the records of the training; 1 is the largest valid one.
-    risk : chance that the damage of some zone is wrong by more than 10 % [1].
-    valid : 1 if the windows are those of the training, misfit is at most 1 and risk at most ``LARGEST_RISK``, else 0.
+    valid : 1 if the windows are those of the training and misfit is at most 1, else 0. Each zone has its own deviation.
     """
 
     damage: ca.MX
     deviation: ca.MX
     probability: ca.MX
     misfit: ca.MX
-    risk: ca.MX
     valid: ca.MX
 
 
@@ -81,13 +77,14 @@ def judge_window(
 
     Notes
     -----
-    The network answers for some zones, given a record; given its images, if there are any, for the others.
+    What the network says of a record and of its images, if there are any, is averaged.
     The features are the components as a Wiener filter leaves them, :math:`z_k = c_k \sqrt{\lambda_k} / (\lambda_k + s^2)`,
     and :math:`\log_{10} s`. The noise s is that outside the components, where there is no strain.
 
-    With probability P the damage of a zone is normal with mean m and standard deviation sd, else it is 0. ``deviation`` is
-    the standard deviation of this mixture. ``damage`` is m if P is 1/2 or more, else 0: near the median of the mixture,
-    which has the least absolute error.
+    With probability P the damage of a zone is normal with mean m and standard deviation sd, else it is 0. ``damage`` is m if
+    P is 1/2 or more, else 0: near the median of the mixture, which has the least absolute error. ``deviation`` is the
+    standard deviation of the mixture, which says little of a rare and large error: where the other case has a chance
+    above ``SMALL_CHANCE``, it is at least a third of the error that there is then, m, or m + 3 sd of a missed damage.
 
     ``misfit`` is the largest of four ratios, each divided by its limit: what lies outside the components of a sensor over
     its noise by fourth differences and what clean records have there; what a decoder of the answer leaves of the
@@ -100,55 +97,64 @@ def judge_window(
     features = ca.vertcat(c * ca.sqrt(lam) / (lam + s2), 0.5 * ca.log10(s2) + 3.5)
     signs = image_signs(window.signs, window.sectors)
     images = ca.repmat(features, 1, signs.shape[1]) * ca.DM(signs)
-    *_, hidden, heads = (fuzzy_rules if window.network == "neuro-fuzzy" else layers)(window.encoder, images)
-    order = np.argsort(window.answered.ravel()).tolist()
-    P, m, sd = posterior(*(ca.vec(head)[order] for head in ca.vertsplit(heads, window.answered.shape[1])))
+    hidden, all_heads = residual_network(window.encoder, images)
+    orders = head_orders(window.images)
+    heads = sum(all_heads[order.tolist(), k] for k, order in enumerate(orders)) / len(orders)
+    P, m, sd = posterior(*ca.vertsplit(heads, window.zones))
     damage = ca.if_else(P >= 0.5, m, 0.0)
-    hidden = hidden[:, 0]
-    explained = layers(window.decoder, ca.vertcat(damage, ca.DM(window.latent).T @ hidden))[-1] * ca.DM(window.scales)
-    left = ca.DM(window.directions).T @ (c - explained)
+    given = ca.vertcat(damage, ca.DM(window.latent).T @ hidden[:, 0])
+    largest = c[explained(window.variances, window.scales.size).tolist()]
+    left = ca.DM(window.directions).T @ (largest - perceptron(window.decoder, given) * ca.DM(window.scales))
     ratios = ca.vertcat(
         ca.mmax(outside / ca.DM(freedom) / ((noise / window.unit[0]) ** 2 / block + window.rest[0] ** 2)),
-        ca.sum1(left**2 / (s2 + ca.DM(window.errors) ** 2)) / lam.numel(),
+        ca.sum1(left**2 / (s2 + ca.DM(window.errors) ** 2)) / left.numel(),
         ca.sum1(c**2 / (lam + s2)) / lam.numel(),
         ca.sqrt(s2),
     )
-    deviation = ca.sqrt(P * sd**2 + P * (1.0 - P) * m**2)
-    misfit, risk = ca.mmax(ratios / ca.DM(window.limits)), risk_of(P, m, sd)
-    return DamagePosterior(damage, deviation, P, misfit, risk, known * (misfit <= 1.0) * (risk <= LARGEST_RISK)), ratios
+    other = ca.if_else(ca.fmin(P, 1.0 - P) > SMALL_CHANCE, m / 3.0 + (P < 0.5) * sd, 0.0)
+    deviation = ca.fmax(ca.sqrt(P * sd**2 + P * (1.0 - P) * m**2), other)
+    misfit = ca.mmax(ratios / ca.DM(window.limits))
+    return DamagePosterior(damage, deviation, P, misfit, known * (misfit <= 1.0)), ratios
 
 
-def layers(arrays: Sequence[Matrix], x: ca.MX) -> list[ca.MX]:
-    """Write the values of the layers of a perceptron, shape (m,) each, after its input."""
-    found = [x]
-    for layer in range(0, len(arrays), 2):
-        a = ca.DM(arrays[layer]).T @ found[-1] + ca.DM(arrays[layer + 1])
-        found.append(a if layer + 2 == len(arrays) else ca.tanh(a))
-    return found[1:]
+def residual_network(arrays: Sequence[Matrix], x: ca.MX) -> tuple[ca.MX, ca.MX]:
+    """Write the last values and the outputs of ``ResidualNetwork``, a column per column of its inputs."""
+
+    def silu(a: ca.MX) -> ca.MX:
+        return a / (1.0 + ca.exp(-a))
+
+    layers = [(ca.DM(W).T, ca.DM(b)) for W, b in zip(arrays[::2], arrays[1::2], strict=True)]
+    h = silu(layers[0][0] @ x + layers[0][1])
+    mean, ones = ca.DM.ones(1, h.shape[0]) / h.shape[0], ca.DM.ones(h.shape[0], 1)
+    for W, b in layers[1:-1]:
+        centred = h - ones @ (mean @ h)
+        y = centred / (ones @ ca.sqrt(mean @ centred**2 + LEAST_SPREAD))
+        h = h + silu(W @ y + b)
+    return h, layers[-1][0] @ h + layers[-1][1]
 
 
-def fuzzy_rules(arrays: Sequence[Matrix], x: ca.MX) -> list[ca.MX]:
-    """Write the similarities and the heads of ``FuzzyRules``, a column per column of features."""
-    T, X, roots, bias, rules, rule_bias = arrays
-    found = []
-    for features in ca.horzsplit(x):
-        S = similarity(ca.DM(T).T @ features, ca.DM(X), ca.DM(roots**2), float(bias[0]))
-        logit, *O, spread = ca.vertsplit(ca.DM(rules).T @ S + ca.DM(rule_bias), rule_bias.size // (2 + len(PEAKS)))
-        found.append((S, ca.vertcat(logit, defuzzify(ca.horzcat(*O).T, ca.DM(PEAKS), least=LEAST).T, spread)))
-    return [ca.horzcat(*part) for part in zip(*found, strict=True)]
+def perceptron(arrays: Sequence[Matrix], x: ca.MX) -> ca.MX:
+    """Write the output of a ``Perceptron``."""
+    *hidden, W, b = map(ca.DM, arrays)
+    for k in range(0, len(hidden), 2):
+        x = ca.tanh(hidden[k].T @ x + hidden[k + 1])
+    return W.T @ x + b
+
+
+def head_orders(images: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return where each head of a record stands among those of each of its images, shape (m, 3 z)."""
+    m, zones = images.shape
+    return np.asarray((np.argsort(images)[:, None, :] + zones * np.arange(HEADS)[:, None]).reshape(m, -1))
+
+
+def explained(variances: Vector, count: int) -> NDArray[np.int64]:
+    """Return which components have the largest variances, in their order."""
+    return np.sort(np.argsort(-variances, kind="stable")[:count])
 
 
 def posterior(logit: ca.MX, mean: ca.MX, spread: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
     """Turn heads, shape (z,) each, into probability, and mean and standard deviation of the damage of a damaged zone."""
     return (1.0 / (1.0 + ca.exp(-logit)), ca.fmax(mean, 0.0), SPREAD * ca.exp(ca.fmax(-SPREADS, ca.fmin(SPREADS, spread))))
-
-
-def risk_of(P: ca.MX, m: ca.MX, sd: ca.MX) -> ca.MX:
-    """Bound the chance that the estimate of some zone is wrong by more than ``WRONG``: the sum of those of the zones."""
-    beyond = 1.0 - ca.erf(WRONG / (math.sqrt(2.0) * sd))
-    missed = P * 0.5 * (1.0 + ca.erf((m - WRONG) / (math.sqrt(2.0) * sd)))
-    called = P * beyond + (1.0 - P) * (m > WRONG)
-    return ca.fmin(ca.sum1(ca.if_else(P >= 0.5, called, missed)), 1.0)
 
 
 def degrees_of_freedom(parts: Components) -> Vector:
@@ -202,8 +208,7 @@ def records_judged(window: PosteriorWindow, block: int, records: Matrix) -> dict
     judge = ca.Function("judge", [x, noise], list(named.values()))
     found = judge(block_means(records, block).reshape(len(records), -1).T, difference_noise(records).T)
     result = {name: np.array(value.T) for name, value in zip(named, found, strict=True)}
-    result |= {name: result[name][:, 0] for name in ("misfit", "risk")}
-    return result | {"valid": result["valid"][:, 0] > 0.5}
+    return result | {"misfit": result["misfit"][:, 0], "valid": result["valid"][:, 0] > 0.5}
 
 
 class Features(NamedTuple):
@@ -234,18 +239,10 @@ def features(lam: Rows, c: Rows, s2: Rows) -> Rows:
     return np.hstack([c * np.sqrt(lam) / (lam + s2), 0.5 * np.log10(s2) + s2.dtype.type(3.5)])
 
 
-def network_of(window: PosteriorWindow) -> Perceptron | FuzzyRules:
-    """Return the network of a window."""
-    arrays: list[Rows] = list(window.encoder)
-    return FuzzyRules(arrays) if window.network == "neuro-fuzzy" else Perceptron(arrays)
-
-
-def all_heads(net: Perceptron | FuzzyRules, features: Rows, signs: Rows, answered: NDArray[np.int64]) -> Rows:
-    """Evaluate the heads of all zones, shape (n, 3 z), from the images of the features; see ``Symmetry.answered``."""
-    images = [net.values(features * sign)[-1].reshape(len(features), HEADS, -1) for sign in signs.T]
-    found = np.concatenate(images, axis=2)
-    found[:, :, answered.ravel()] = found.copy()
-    return found.reshape(len(features), -1)
+def all_heads(net: ResidualNetwork, features: Rows, signs: Rows, images: NDArray[np.int64]) -> Rows:
+    """Evaluate the heads, shape (n, 3 z), averaged over the images of the features."""
+    heads = [net.values(features * sign)[-1][:, order] for sign, order in zip(signs.T, head_orders(images), strict=True)]
+    return np.asarray(sum(heads) / len(heads))
 
 
 def deviation(spread: Rows) -> Rows:
@@ -261,11 +258,13 @@ def damage_of(heads: Rows) -> Rows:
 
 def heads_of(window: PosteriorWindow, found: Features) -> Matrix:
     """Evaluate the heads, shape (n, 3 z), of a window."""
-    return all_heads(network_of(window), found.features, image_signs(window.signs, window.sectors), window.answered)
+    net, signs = ResidualNetwork(list(window.encoder)), image_signs(window.signs, window.sectors)
+    return all_heads(net, found.features, signs, window.images)
 
 
-def explain(window: PosteriorWindow, found: Features) -> Matrix:
-    """Return what the decoder makes of the answer, shape (n, K), to compare with the components."""
-    hidden = network_of(window).values(found.features)[-2]
+def unexplained(window: PosteriorWindow, found: Features) -> Matrix:
+    """Return what the decoder of the answer leaves of the components of largest variance, shape (n, E)."""
+    hidden = ResidualNetwork(list(window.encoder)).values(found.features)[-2]
     given = np.hstack([damage_of(heads_of(window, found)), hidden @ window.latent])
-    return Perceptron(list(window.decoder)).values(given)[-1] * window.scales
+    largest = found.c[:, explained(window.variances, window.scales.size)]
+    return largest - Perceptron(list(window.decoder)).values(given)[-1] * window.scales

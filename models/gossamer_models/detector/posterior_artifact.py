@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,48 +14,42 @@ from ..artifacts import artifact_schema, write_artifact
 from ..errors import ArtifactError
 from .artifact import DetectorArtifact, TrainedWindows, reading, require
 from .features import Components
-from .networks import PEAKS
 
-SCHEMA, VERSION = "gossamer.posterior_detector", 3
+SCHEMA, VERSION = "gossamer.posterior_detector", 4
 NOMINAL = Path(__file__).with_name("nominal.json")
-Network: TypeAlias = Literal["perceptron", "neuro-fuzzy"]
 # deviation of the noise of a sample that its campaign states, in units of ``Components.unit``
 STATED = 0.02 / np.sqrt(12.0)
 HEADS = 3  # of the network per zone: logit of P(damaged), mean, logarithm of the standard deviation
 
-NETWORKS = {  # arrays of the network, by its kind
-    "perceptron": tuple(f"encoder_{kind}{layer}" for layer in (1, 2, 3) for kind in "Wb"),
-    "neuro-fuzzy": ("indices", "references", "roots", "bias", "rules", "rule_bias"),
-}
+_HALF = ("axes", "directions", "encoder")  # half precision in the file
 _DECODER = tuple(f"decoder_{kind}{layer}" for layer in (1, 2) for kind in "Wb")
 _COMPONENTS = tuple(field.name for field in fields(Components))
-_SINGLE = (*_COMPONENTS, "signs", "answered", "rest", "latent", "scales", "directions", "errors", "limits")
+_SINGLE = (*_COMPONENTS, "signs", "images", "rest", "latent", "scales", "directions", "errors", "limits")
 
 
 @dataclass(frozen=True, kw_only=True)
 class PosteriorWindow(Components):
     """The network of one window, with K components, H hidden values, L latent ones; strain is in its ``unit``.
 
+    The decoder explains the E components of largest variance.
+
     Attributes
     ----------
     signs : ndarray, shape (m, s)
         Sign of each of ``modes`` in each of m images of a record: 1 alone, of a structure without mirror images.
-    answered : ndarray of int, shape (m, q)
-        Zones, from 0, that the network answers for when it is given each image.
+    images : ndarray of int, shape (m, z)
+        Zones, from 0, whose damage stands in the place of each zone in each image.
     rest : ndarray, shape (1,)
         Root mean square of what clean records have outside the components, per degree of freedom.
-    network : {"perceptron", "neuro-fuzzy"}
-        What answers for q zones.
     encoder : tuple of ndarray
-        Its arrays, from K + 1 features to 3 heads of these zones: weights and biases of three layers, or as in
-        ``FuzzyRules``.
+        Arrays of ``ResidualNetwork``, from K + 1 features to 3 heads of all zones.
     latent : ndarray, shape (H, L)
         From the last hidden values to what the decoder gets beside the damage.
     decoder : tuple of ndarray
-        Weights and biases of two layers, from all zones + L values to K components in units of ``scales``.
-    scales : ndarray, shape (K,)
+        Weights and biases of two layers, from all zones + L values to E components in units of ``scales``.
+    scales : ndarray, shape (E,)
         Units of the decoder.
-    directions, errors : ndarray, shapes (K, K) and (K,)
+    directions, errors : ndarray, shapes (E, E) and (E,)
         Principal axes of the errors of the decoder on clean records, and their root mean squares along them.
     limits : ndarray, shape (4,)
         Largest valid misfit outside the components, of the explanation and inside the components, and noise of a block
@@ -63,9 +57,8 @@ class PosteriorWindow(Components):
     """
 
     signs: Matrix
-    answered: NDArray[np.int64]
+    images: NDArray[np.int64]
     rest: Vector
-    network: Network
     encoder: tuple[Matrix, ...]
     latent: Matrix
     decoder: tuple[Matrix, ...]
@@ -77,30 +70,28 @@ class PosteriorWindow(Components):
     def __post_init__(self) -> None:
         size, K = self.axes.shape
         H, L = self.latent.shape
-        sensors, images = len(self.modes), len(self.signs)
+        sensors, images, E = len(self.modes), len(self.signs), self.scales.size
         shapes = {
             "unit": (1,),
             "modes": (sensors, sensors),
             "mean": (sensors, size),
             "signs": (images, sensors),
-            "answered": (images, self.zones // images),
+            "images": (images, self.zones),
             "sectors": (K,),
             "variances": (K,),
             "rest": (1,),
-            "scales": (K,),
-            "directions": (K, K),
-            "errors": (K,),
+            "scales": (E,),
+            "directions": (E, E),
+            "errors": (E,),
             "limits": (4,),
         }
         found = {name: getattr(self, name).shape for name in shapes}
         require(found == shapes, f"its arrays have shapes {found}, not {shapes}")
-        first = self.encoder[0].shape[-1]
-        outputs = (HEADS if self.network == "perceptron" else 2 + len(PEAKS)) * self.answered.shape[-1]
-        middle = [(first,), (first, H), (H,)] if self.network == "perceptron" else [(H, first), (H, first), (1,)]
-        layers = [(K + 1, first), *middle, (H, outputs), (outputs,)]
+        outputs = HEADS * self.zones
+        layers = [(K + 1, H), (H,), *[(H, H), (H,)] * (len(self.encoder) // 2 - 2), (H, outputs), (outputs,)]
         require([a.shape for a in self.encoder] == layers, f"its network has layers {[a.shape for a in self.encoder]}")
         inner = self.decoder[0].shape[-1]
-        layers = [(self.zones + L, inner), (inner,), (inner, K), (K,)]
+        layers = [(self.zones + L, inner), (inner,), (inner, E), (E,)]
         require([a.shape for a in self.decoder] == layers, f"its decoder has layers {[a.shape for a in self.decoder]}")
         for array in self.arrays().values():
             require(np.isfinite(array).all(), "it holds values that are not finite")
@@ -108,8 +99,7 @@ class PosteriorWindow(Components):
             np.isin(self.sectors, range(sensors)).all() and (np.diff(self.sectors) >= 0).all(),
             f"sectors are not 0 to {sensors - 1}",
         )
-        answered = np.sort(self.answered.ravel())
-        require(np.array_equal(answered, range(self.zones)), "the zones of its images are not all zones, once each")
+        require((np.sort(self.images) == np.arange(self.zones)).all(), "an image does not hold all zones, once each")
         for name in ("unit", "variances", "rest", "scales", "limits"):
             require((getattr(self, name) > 0.0).all(), f"{name} must be positive")
 
@@ -120,16 +110,17 @@ class PosteriorWindow(Components):
 
     def arrays(self) -> dict[str, Vector]:
         """Return all arrays by the names of the file."""
-        named = [*zip(NETWORKS[self.network], self.encoder, strict=True), *zip(_DECODER, self.decoder, strict=True)]
-        return {**{name: getattr(self, name) for name in _SINGLE}, **dict(named)}
+        named = {f"encoder_{k}": array for k, array in enumerate(self.encoder)}
+        return {name: getattr(self, name) for name in _SINGLE} | named | dict(zip(_DECODER, self.decoder, strict=True))
 
     @classmethod
-    def of(cls, network: Network, arrays: dict[str, Vector]) -> PosteriorWindow:
+    def of(cls, arrays: dict[str, Vector]) -> PosteriorWindow:
         """Make a window from what ``arrays`` gave."""
-        encoder, decoder = (tuple(arrays[name] for name in names) for names in (NETWORKS[network], _DECODER))
+        layers = sum(name.startswith("encoder_") for name in arrays)
+        encoder, decoder = tuple(arrays[f"encoder_{k}"] for k in range(layers)), tuple(arrays[name] for name in _DECODER)
         single: dict[str, Any] = {name: arrays[name] for name in _SINGLE}
-        single["answered"] = single["answered"].astype(np.int64)
-        return cls(network=network, encoder=encoder, decoder=decoder, **single)
+        single["images"] = single["images"].astype(np.int64)
+        return cls(encoder=encoder, decoder=decoder, **single)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,7 +137,7 @@ class PosteriorArtifact(TrainedWindows):
         Whether the last one judges all later windows: it was trained at any phase of the load. If not, later windows are
         not valid.
     losses : list of list of float
-        Of each window: mean negative log likelihood of a training case, in every epoch; none of earlier trainings.
+        Of each window: mean negative log likelihood of a training case, over equal parts of the steps.
     trained_over : dict
         Ranges of the training by quantity: zones, depth [1], noise [1], and what else varied.
     held_out : dict
@@ -164,7 +155,6 @@ class PosteriorArtifact(TrainedWindows):
         super().__post_init__()
         require(2 <= self.block <= self.samples // 2, f"a block of {self.block} samples is none of {self.samples}")
         require(len(self.windows) > 0, "it has no windows")
-        require(len({window.network for window in self.windows}) == 1, "its windows have networks of several kinds")
         size = self.samples // self.block
         for window in self.windows:
             blocks = window.mean.shape[-1]
@@ -188,19 +178,18 @@ class PosteriorArtifact(TrainedWindows):
         return float(self.windows[0].unit[0] * STATED)
 
     def write(self, path: Path) -> None:
-        """Write the card and, beside it, the arrays in single precision, the axes in half."""
+        """Write the card and, beside it, the arrays in single precision, axes and network in half."""
         content: dict[str, Any] = {
             **self.card(),
             "block": self.block,
             "windows": len(self.windows),
-            "network": self.windows[0].network,
             "periodic": self.periodic,
             "losses": [[float(f"{loss:.6g}") for loss in window] for window in self.losses],
             "trained_over": self.trained_over,
             "held_out": self.held_out,
         }
         arrays: dict[str, Any] = {
-            f"{number}_{name}": array.astype(np.float16 if name in ("axes", "directions") else np.float32)
+            f"{number}_{name}": array.astype(np.float16 if name.startswith(_HALF) else np.float32)
             for number, window in enumerate(self.windows, start=1)
             for name, array in window.arrays().items()
         }
@@ -210,8 +199,6 @@ class PosteriorArtifact(TrainedWindows):
     def read(cls, path: Path) -> PosteriorArtifact:
         """Read what ``write`` wrote; raise ``ArtifactError`` for a file that is missing, damaged or unusable."""
         with reading(path, SCHEMA, VERSION) as (card, arrays):
-            network = card["network"]
-            require(network in NETWORKS, f"its network is {network!r}, not one of {', '.join(NETWORKS)}")
             of_window = [
                 {name.partition("_")[2]: array for name, array in arrays.items() if name.startswith(f"{number}_")}
                 for number in range(1, int(card["windows"]) + 1)
@@ -219,7 +206,7 @@ class PosteriorArtifact(TrainedWindows):
             return cls(
                 **cls.of_card(card),
                 block=int(card["block"]),
-                windows=tuple(PosteriorWindow.of(network, found) for found in of_window),
+                windows=tuple(PosteriorWindow.of(found) for found in of_window),
                 periodic=bool(card["periodic"]),
                 losses=list(card.get("losses", [])),
                 trained_over=dict(card["trained_over"]),

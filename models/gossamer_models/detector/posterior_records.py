@@ -6,7 +6,7 @@ Symbols: ``n`` cases, ``M`` blocks of a window, ``x`` centred block means [1].
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from ..arrays import Matrix, Vector
-from ..campaign import Distribution
-from ..campaign.symmetry import Symmetry
+from ..campaign import SENSOR_GAIN, Distribution, Vary
 from ..errors import DataError
 from .features import block_means
 from .networks import Rows32
-from .posterior_artifact import STATED, Network
+from .posterior_artifact import STATED
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -27,9 +26,7 @@ if TYPE_CHECKING:
 # Deviations of the noise of a sample, in units of ``Sensing.unit``:
 LEAST_NOISE, MOST_NOISE = 1e-5, 6.5e-3  # white
 COLOURED = 2e-3  # most of what is not white, as an estimator leaves it
-PER_SENSOR, MOST_COMPONENTS = 32, 512  # principal components
-PER_ZONE, MOST_REFERENCES = 64, 1024  # reference cases
-LEAST_STEPS, MOST_EPOCHS = 8000, 600  # of a training without mirror images, whose cases are few
+PER_SENSOR, MOST_COMPONENTS, PER_COMPONENT = 192, 512, 4  # principal components, and cases of each
 USUAL = 0.03  # noise over the swing of the strain [1], of a campaign that states none
 SWINGS = 64  # cases that tell the swing
 
@@ -44,21 +41,17 @@ class Training:
         Samples of a window, and how many of them.
     block, components : int
         Samples that are averaged, and principal components.
-    network : {"perceptron", "neuro-fuzzy"}
-        A multilayer perceptron, or the thesis' network with indices that are trained.
-    references : int
-        Reference cases of a neuro-fuzzy network.
-    hidden, latent, inner : int
-        Values of each hidden layer of the perceptron, latent values that the decoder gets beside the damage, and values of
-        its hidden layer.
-    virtual : float
-        Share of the cases that are moved to other damages until the last quarter of the epochs; see ``NetworkFit.epoch``.
+    width, layers : int
+        Values of each layer of the network, and layers that add.
+    explained, latent, inner : int
+        Components that the decoder explains, at most; latent values that it gets beside the damage; values of its hidden
+        layer.
     spoilt : float
         Share of the records with a wrong sensor, so that the network is not sure of its answer where it sees one.
-    epochs, batch : int
-        Passes of the network through the cases, and cases of a step.
+    steps, batch : int
+        Steps of the network, after half as many on coarser cases, if there are any; and cases of a step.
     rate : float
-        First step size of Adam; it falls to 0 along half a cosine.
+        Largest step size of Adam; it falls to 0 along half a cosine.
     held_out : float
         Share of the cases, the last ones, that limits and errors come from: half for each.
     seed : int
@@ -68,41 +61,45 @@ class Training:
     samples: int = 844
     windows: int = 3
     block: int = 2
-    components: int = 128
-    network: Network = "neuro-fuzzy"
-    references: int = 256
-    hidden: int = 128
+    components: int = 512
+    width: int = 512
+    layers: int = 3
+    explained: int = 128
     latent: int = 8
     inner: int = 96
-    epochs: int = 150
-    virtual: float = 0.9
     spoilt: float = 0.03
-    batch: int = 256
-    rate: float = 2e-3
+    steps: int = 5000
+    batch: int = 1024
+    rate: float = 1.5e-3
     held_out: float = 0.15
     seed: int = 0
 
     @classmethod
-    def of(cls, data: xr.Dataset, network: Network = "neuro-fuzzy", window: float | None = None) -> Training:
+    def of(cls, data: xr.Dataset, window: float | None = None) -> Training:
         """Return the settings that suit a campaign: sizes from its sensors, windows of a length [s], or as it says."""
         length = window or json.loads(data.attrs["campaign"])["window"]
         samples = cls.samples if length is None else 4 * max(round(length / float(data["time"][0])) // 4, 1)
-        cases, symmetry = data.sizes["case"], Symmetry.stored(json.loads(data.attrs["symmetry"]))
-        images, zones = symmetry.answered.shape
-        epochs = round(LEAST_STEPS * cls.batch / cases) if images == 1 else cls.epochs
+        windows = min(cls.windows, max(data.sizes["time"] // samples, 1))
+        blocks = data.sizes["sensor"] * (samples // cls.block - 1)
         return cls(
-            network=network,
-            references=max(min(PER_ZONE * zones, MOST_REFERENCES, cases // 2), cls.references),
-            epochs=max(min(epochs, MOST_EPOCHS), cls.epochs),
             samples=samples,
-            windows=min(cls.windows, max(data.sizes["time"] // samples, 1)),
-            components=min(PER_SENSOR * data.sizes["sensor"], MOST_COMPONENTS),
+            windows=windows,
+            components=min(
+                PER_SENSOR * data.sizes["sensor"], MOST_COMPONENTS, data.sizes["case"] // PER_COMPONENT, blocks // 2
+            ),
+            batch=min(cls.batch, data.sizes["case"]),
+            width=64 * round(cls.width / np.sqrt(windows) / 64),  # so that several windows fill no larger file
         )
 
     @property
-    def decoder_epochs(self) -> int:
-        """Passes of the decoder through the cases."""
-        return 1 + self.epochs // 4
+    def coarse_steps(self) -> int:
+        """Steps of the network on coarser cases."""
+        return self.steps // 2
+
+    @property
+    def decoder_steps(self) -> int:
+        """Steps of the decoder."""
+        return 1 + self.steps // 4
 
 
 @dataclass(frozen=True)
@@ -115,20 +112,14 @@ class Windows:
         Strain [1] without gain and noise.
     damage : ndarray, shape (n, z)
         Damage [1] that is there during the whole window.
-    settled : ndarray of bool, shape (n,)
-        Whether it was there from the start, or a whole window before.
-    shift : ndarray of int, shape (n,)
-        Samples by which the window begins later than the earliest.
     """
 
     records: Rows32
     damage: Matrix
-    settled: NDArray[np.bool_]
-    shift: NDArray[np.int64]
 
     def part(self, first: int, last: int) -> Windows:
         """Return some of the cases."""
-        return Windows(self.records[first:last], self.damage[first:last], self.settled[first:last], self.shift[first:last])
+        return Windows(self.records[first:last], self.damage[first:last])
 
 
 def cut_windows(data: xr.Dataset, number: int, samples: int, last: bool, seed: int) -> Windows:
@@ -180,8 +171,7 @@ def cut_windows(data: xr.Dataset, number: int, samples: int, last: bool, seed: i
         some = data["strain"][begin : begin + 512].to_numpy()
         for k, record in enumerate(some, start=begin):
             records[k] = record[:, starts[k] : starts[k] + samples]
-    settled = (onset == 0.0) | (onset <= (starts - samples) * step)
-    return Windows(records[wanted], np.where(there[:, None], damage, 0.0)[wanted], settled[wanted], starts[wanted] - first)
+    return Windows(records[wanted], np.where(there[:, None], damage, 0.0)[wanted])
 
 
 @dataclass(frozen=True)
@@ -192,23 +182,22 @@ class Sensing:
     ----------
     noise : Distribution
         Noise of a sample of strain [1] that the records of a third of the training have about.
-    gain : tuple of float
-        Range of the gain of a sensor [1].
+    gain : Vary
+        How the gain of a sensor varies [1], and in which share of the records.
     """
 
     noise: Distribution
-    gain: tuple[float, float] = (1.0, 1.0)
+    gain: Vary = field(default_factory=lambda: Vary(range=(1.0, 1.0)))
 
     @classmethod
     def of(cls, data: xr.Dataset) -> Sensing:
         """Read noise and range of the gain from a campaign."""
         campaign = json.loads(data.attrs["campaign"])
-        vary, law = campaign["vary"].get("sensor_gain") or {}, campaign["noise"]["strain"]
-        low, high = vary.get("range") or vary.get("factor") or (1.0, 1.0)
+        vary, law = campaign["vary"].get(SENSOR_GAIN) or {"range": (1.0, 1.0)}, campaign["noise"]["strain"]
         if law is None:
             some = data["strain"][:SWINGS].to_numpy()
             law = {"normal": USUAL * float(np.nanmax(np.ptp(some[:, :, 1:], axis=2)))}
-        return cls(Distribution(**law), (float(low), float(high)))
+        return cls(Distribution(**law), Vary(**vary))
 
     @property
     def unit(self) -> float:
@@ -217,7 +206,8 @@ class Sensing:
 
     def gains(self, shape: tuple[int, ...], random: np.random.Generator) -> Matrix:
         """Draw gains [1] of records and their sensors, shape (n, s)."""
-        return random.uniform(*self.gain, shape[:2])
+        gains = random.uniform(*self.gain.limits(1.0), shape[:2])
+        return np.where(random.random((shape[0], 1)) < self.gain.share, gains, 1.0)
 
     def gained(self, x: Rows32, random: np.random.Generator) -> Rows32:
         """Multiply signals, shape (n, s, samples), by fresh gains."""

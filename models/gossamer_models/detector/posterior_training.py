@@ -9,37 +9,40 @@ from __future__ import annotations
 import itertools
 import json
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import asdict, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.special import ndtr
-from threadpoolctl import threadpool_limits
 
 from ..arrays import Matrix, Vector
 from ..campaign.symmetry import Symmetry
 from ..errors import DataError
 from ..twin.nuisances import LoadTable
 from . import posterior_records as records
-from .features import block_means, principal_components
-from .networks import PEAKS
-from .posterior import FLOOR, Features, analyse, deviation, explain, heads_of, records_judged
-from .posterior_artifact import PosteriorArtifact, PosteriorWindow
+from .features import Components, block_means, principal_components
+from .networks import ResidualNetwork
+from .posterior import FLOOR, Features, analyse, deviation, explained, heads_of, records_judged, unexplained
+from .posterior_artifact import HEADS, PosteriorArtifact, PosteriorWindow
 from .posterior_fit import NetworkFit
 
 if TYPE_CHECKING:
     import xarray as xr
 
 SMALL = 2e-4  # components are in units of their deviation or of this, for the decoder
-BAND = 1.96  # standard deviations of a 95 % band
+BANDS = 1.96, 3.0  # standard deviations of the bands of 95 and 99.7 %, both of which hold on held-out cases
 FALSE_REJECTION = 0.01  # share of records of the training that the misfit may refuse
 FEWEST = 40  # held-out cases that limits can be taken from
 ROOM = 1.2  # noise above that of the training that is still valid
 
 
 def train_posterior(
-    data: xr.Dataset, t: records.Training, progress: Callable[[float], None] = lambda _: None
+    data: xr.Dataset,
+    t: records.Training,
+    coarse: xr.Dataset | None = None,
+    start: PosteriorArtifact | None = None,
+    progress: Callable[[float], None] = lambda _: None,
 ) -> PosteriorArtifact:
     """Train the networks of all windows on a campaign.
 
@@ -49,33 +52,33 @@ def train_posterior(
         From ``read_campaign``. What varies in it is what the detector is trained over.
     t : records.Training
         Settings.
+    coarse : xarray.Dataset, optional
+        Campaign on a coarser mesh, to train on first.
+    start : PosteriorArtifact, optional
+        Trained networks to go on from, without the coarser campaign.
     progress : callable
         Called with the share of the work that is done.
 
     Raises
     ------
     DataError
-        There are too few cases, the runs are too short, or the network cannot state damages as large.
+        There are too few cases, the runs are too short, or the networks to go on from have other windows or sizes.
     """
     campaign = json.loads(data.attrs["campaign"])
-    deepest = max([campaign["damage"]["depth"][1], *(d for case in campaign["damage"]["cases"] for d in case.values())])
-    if t.network == "neuro-fuzzy" and deepest > PEAKS[-1]:
-        msg = (
-            f"the campaign has damage of {100.0 * deepest:g} %, but the last fuzzy set of a neuro-fuzzy network peaks at "
-            f"{100.0 * PEAKS[-1]:g} %. Choose a perceptron, or less damage."
-        )
-        raise DataError(msg)
     sensing, symmetry = records.Sensing.of(data), Symmetry.stored(json.loads(data.attrs["symmetry"]))
-    cuts = [records.cut_windows(data, number, t.samples, number == t.windows - 1, t.seed) for number in range(t.windows)]
+    if start is not None:
+        _check_start(start, data, t)
+        coarse = None
     done = itertools.count(1)
-    images = len(symmetry.sensors)
-    total = sum((t.epochs + t.decoder_epochs) * max(images * len(split(cut, t)[0].damage) // t.batch, 1) for cut in cuts)
-    with threadpool_limits(1):  # small matrices: waking other threads for them costs more than their work
-        settings = [replace(t, seed=t.seed + k) for k in range(t.windows)]
-        trained = [
-            _train_window(cut, sensing, symmetry, each, lambda: progress(next(done) / total))
-            for cut, each in zip(cuts, settings, strict=True)
-        ]
+    total = t.windows * (t.steps + t.decoder_steps + (t.coarse_steps if coarse is not None else 0))
+    trained = []
+    for number in range(t.windows):
+        window = number, t.samples, number == t.windows - 1, t.seed
+        cut = records.cut_windows(data, *window)
+        before = None if coarse is None else records.cut_windows(coarse, *window)
+        known = None if start is None else start.windows[number]
+        settings = replace(t, seed=t.seed + number)
+        trained.append(_train_window(cut, before, known, sensing, symmetry, settings, lambda: progress(next(done) / total)))
     windows, losses = zip(*trained, strict=True)
     return PosteriorArtifact(
         start_time=0.0,
@@ -98,6 +101,21 @@ def train_posterior(
     )
 
 
+def _check_start(start: PosteriorArtifact, data: xr.Dataset, t: records.Training) -> None:
+    """Refuse networks that do not fit a campaign and settings."""
+    window = start.windows[0]
+    there = (len(start.windows), start.samples, start.block, start.zones, start.sensors)
+    sizes = (window.sectors.size, *window.latent.shape[:1], len(window.encoder) // 2 - 2)
+    wanted = (t.windows, t.samples, t.block, data.sizes["zone"], data.sizes["sensor"])
+    for what, found, here in (
+        ("windows, their samples, block, zones and sensors", there, wanted),
+        ("components, width and layers", sizes, (t.components, t.width, t.layers)),
+    ):
+        if found != here:
+            msg = f"the networks to go on from have other {what}: {found}, not {here}. Train without them."
+            raise DataError(msg)
+
+
 def trained_over(campaign: dict[str, Any], sensing: records.Sensing) -> dict[str, list[float]]:
     """State the ranges of a training: from its campaign and the noise of ``Sensing``."""
     damage = campaign["damage"]
@@ -113,37 +131,62 @@ def trained_over(campaign: dict[str, Any], sensing: records.Sensing) -> dict[str
 
 
 def split(cut: records.Windows, t: records.Training) -> tuple[records.Windows, records.Windows, records.Windows]:
-    """Split cases into those to train on, to calibrate with and to test with."""
+    """Split cases into those to train on, to calibrate with and to test with.
+
+    Raises
+    ------
+    DataError
+        There are too few cases to calibrate with.
+    """
     n = len(cut.damage)
     ends = [0, n - int(t.held_out * n), n - int(0.5 * t.held_out * n), n]
     train, calibration, test = (cut.part(a, b) for a, b in itertools.pairwise(ends))
+    if len(calibration.damage) < FEWEST:
+        there = f"{len(calibration.damage)} held-out cases are too few to calibrate a detector, {FEWEST} are the least"
+        msg = f"{there}. Run {round(2 * FEWEST / t.held_out)} cases or more."
+        raise DataError(msg)
     return train, calibration, test
 
 
 def _train_window(
-    cut: records.Windows, sensing: records.Sensing, symmetry: Symmetry, t: records.Training, report: Callable[[], None]
+    cut: records.Windows,
+    coarse: records.Windows | None,
+    start: PosteriorWindow | None,
+    sensing: records.Sensing,
+    symmetry: Symmetry,
+    t: records.Training,
+    report: Callable[[], None],
 ) -> tuple[PosteriorWindow, list[float]]:
     random = np.random.default_rng(t.seed)
     train, calibration, _ = split(cut, t)
     x = records.features_of(train.records, t.block)
-    parts = principal_components(sensing.gained(x, random), t.components, symmetry, sensing.unit)
-    parts = replace(parts, axes=parts.axes.astype(np.float16).astype(float))  # as the file holds them
+    if start is None:
+        parts = principal_components(sensing.gained(x, random), t.components, symmetry, sensing.unit)
+        parts = replace(parts, axes=_half(parts.axes))
+        net = ResidualNetwork.random(t.components + 1, t.width, t.layers, HEADS * train.damage.shape[1], random)
+    else:
+        parts = Components(**{row.name: getattr(start, row.name) for row in fields(Components)})
+        net = ResidualNetwork([a.astype(np.float32) for a in start.encoder])
+    losses = []
+    if coarse is not None:
+        before = NetworkFit(parts, records.features_of(coarse.records, t.block), coarse, sensing, t, symmetry)
+        losses = before.network(net, t.coarse_steps, report)
     fit = NetworkFit(parts, x, train, sensing, t, symmetry)
-    scales = np.sqrt(parts.variances + SMALL**2)
-    net, losses = fit.network(report)
+    losses += fit.network(net, t.steps, report)
+    largest = explained(parts.variances, t.explained)
+    scales = np.sqrt(parts.variances[largest] + SMALL**2)
     decoder, latent = fit.decoder(net, scales, report)
     window = PosteriorWindow(
         **asdict(parts),
         signs=symmetry.signs(parts.modes),
-        answered=symmetry.answered,
+        images=symmetry.zones,
         rest=np.array([fit.rest()]),
-        network=t.network,
         encoder=tuple(np.asarray(a, float) for a in net.arrays),
         latent=np.asarray(latent, float),
         decoder=tuple(np.asarray(a, float) for a in decoder.arrays),
         scales=scales,
-        directions=np.eye(t.components),
-        errors=np.ones(t.components),
+        directions=np.eye(len(scales)),
+        errors=np.ones(len(scales)),
         limits=np.ones(4),
     )
     return calibrate(window, t.block, calibration, sensing, symmetry, random), losses
@@ -180,28 +223,18 @@ def calibrate(
         With a temperature of the probabilities [1]_ and a factor on the deviations in the weights of its last layer, and
         with errors of the decoder and limits.
 
-    Raises
-    ------
-    DataError
-        There are too few cases.
-
     References
     ----------
     .. [1] C. Guo, G. Pleiss, Y. Sun, K. Q. Weinberger, On calibration of modern neural networks, ICML, 2017,
        arXiv:1706.04599.
     """
-    if len(held_out.damage) < FEWEST:
-        advice = "Run more cases."
-        msg = f"{len(held_out.damage)} held-out cases are too few to calibrate a detector, {FEWEST} are the least. {advice}"
-        raise DataError(msg)
     clean, d = symmetry.images(held_out.records, held_out.damage)
     noisy = sensing.samples(clean, random)
     window = _with_honest_heads(window, analyse(window, block_means(noisy, block)), d)
     found = analyse(window, block_means(sensing.gained(clean, random), block))
-    left = found.c - explain(window, found)
+    left = unexplained(window, found)
     squares, directions = np.linalg.eigh(left.T @ left / len(left))
-    directions = directions.astype(np.float16).astype(float)  # as the file holds them
-    window = replace(window, directions=directions, errors=np.sqrt(np.maximum(squares, FLOOR**2)))
+    window = replace(window, directions=_half(directions), errors=np.sqrt(np.maximum(squares, FLOOR**2)))
     return replace(window, limits=_limits(records_judged(window, block, noisy)["ratios"]))
 
 
@@ -218,14 +251,18 @@ def _with_honest_heads(window: PosteriorWindow, found: Features, d: Matrix) -> P
         msg = f"the network recognises {called.sum()} damaged zones of {damaged.sum()}. Train longer, or on more cases."
         raise DataError(msg)
     u = np.abs(mean - d)[called] / deviation(spread[called])
-    f = np.quantile(u, 2.0 * ndtr(BAND) - 1.0) / BAND
+    f = max(np.quantile(u, 2.0 * ndtr(band) - 1.0) / band for band in BANDS)
     *rest, W, b = window.encoder
     W, b = W.copy(), b.copy()
-    q = window.answered.shape[1]
-    W[:, :q] /= T
-    b[:q] /= T
-    b[-q:] += np.log(f)
-    return replace(window, encoder=(*rest, W, b))
+    W[:, : window.zones] /= T
+    b[: window.zones] /= T
+    b[-window.zones :] += np.log(f)
+    return replace(window, encoder=tuple(map(_half, (*rest, W, b))))
+
+
+def _half(array: Matrix) -> Matrix:
+    """Round to half precision, as the file holds it."""
+    return np.asarray(array.astype(np.float16), float)
 
 
 def _limits(ratios: Matrix) -> Vector:

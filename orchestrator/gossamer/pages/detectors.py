@@ -202,8 +202,8 @@ def _losses(artifact: PosteriorArtifact) -> list[Chart]:
         curve(f"window {k + 1}", np.arange(1, len(loss) + 1), loss, COLORS[k % len(COLORS)])
         for k, loss in enumerate(artifact.losses)
     ]
-    note = "Of training cases, with fresh noise in every epoch. Until three quarters, most cases are moved to other damages."
-    chart = Chart("Mean negative log likelihood of a case", "epoch", "loss [1]", traces, note=note, broad=True)
+    note = "Of training cases, first on the coarser mesh if there is one, with fresh gain and noise in every step."
+    chart = Chart("Mean negative log likelihood of a case", "part of the steps", "loss [1]", traces, note=note, broad=True)
     return [chart] if traces else []
 
 

@@ -24,7 +24,8 @@ _ROWS = 20_000
 LEAST_SHOWN = 0.0005  # damage that is shown as 0.1 %; among zones with less, none is the most damaged
 MOST_WINDOWS = 5000  # of a page
 # of a valid judgement, by the interface of the detectors
-LEAST_SIMILARITY, LARGEST_MISFIT, LARGEST_RISK = 0.5, 1.0, 0.01
+LEAST_SIMILARITY, LARGEST_MISFIT = 0.5, 1.0
+DETERMINED, REACH = 0.02, 2.0  # deviation of a damage that has a value, and deviations to the bounds of one that has none
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,14 +39,12 @@ class Judgement:
     true, estimated : numpy.ndarray
         Damage of every zone [1], at that time; not a number if the true one was not recorded.
     deviation : numpy.ndarray
-        Standard deviation of the estimate of every zone [1]; not a number if the detector states none.
+        Standard deviation of the estimate of every zone [1]; not a number if the detector states none. A zone is determined
+        where it is 2 points or less.
     likeness : str
         How the detector measures whether its training holds the like: "similarity", "misfit", or "" if it was not recorded.
     likeness_value : float
         That measure [1]: similarity is 1 for a case that it was trained on, misfit is 1 at the edge of its training.
-    risk : float
-        Chance that the damage of some zone is wrong by more than 10 % of its stiffness [1], as the detector states it; not a
-        number if it was not recorded.
     valid : bool
         False if the detector marks its output as no judgement.
     zones : tuple of str
@@ -58,7 +57,6 @@ class Judgement:
     deviation: NDArray[np.float64]
     likeness: str
     likeness_value: float
-    risk: float = math.nan
     valid: bool = True
     zones: tuple[str, ...] = ()
 
@@ -66,6 +64,16 @@ class Judgement:
     def labels(self) -> tuple[str, ...]:
         """What stands for each zone after the word "zone"."""
         return self.zones or tuple(str(k + 1) for k in range(self.estimated.size))
+
+    @property
+    def determined(self) -> NDArray[np.bool_]:
+        """Which zones have a value; all, if the detector states no deviation."""
+        return ~(self.deviation > DETERMINED)
+
+    def bounds(self, zone: int) -> str:
+        """Say between which values [%] the damage of a zone lies, within ``REACH`` deviations."""
+        low, high = 100.0 * np.clip(self.estimated[zone] + REACH * self.deviation[zone] * np.array([-1.0, 1.0]), 0.0, 1.0)
+        return f"{low:.0f} to {high:.0f}" if low > 0.0 else f"below {high:.0f}"
 
     @property
     def mean_absolute_error(self) -> float:
@@ -96,13 +104,12 @@ def windows(data: xr.Dataset) -> list[Judgement]:
     data = data.isel(time=changes(data[watched]))
     time, estimated, valid = (data[name].to_numpy() for name in ("time", f"{detector}.damage", f"{detector}.valid"))
     likeness = next((name for name in LIKENESS if f"{detector}.{name}" in data.data_vars), "")
-    true, deviation, measure, risk = (
+    true, deviation, measure = (
         data[name].to_numpy() if name in data.data_vars and data[name].shape == shape else np.full(shape, math.nan)
         for name, shape in (
             (true_damage(data), estimated.shape),
             (f"{detector}.deviation", estimated.shape),
             (f"{detector}.{likeness}", time.shape),
-            (f"{detector}.risk", time.shape),
         )
     )
     labels = tuple(zone_labels(data, estimated.shape[-1]))
@@ -115,7 +122,6 @@ def windows(data: xr.Dataset) -> list[Judgement]:
             deviation=deviation[k],
             likeness=likeness,
             likeness_value=float(measure[k]),
-            risk=float(risk[k]),
             valid=float(valid[k]) > 0.5,
         )
         for k in range(len(time))
@@ -199,20 +205,15 @@ def _why_none(data: xr.Dataset, ended: list[Judgement]) -> str:
 
 def _why(judgement: Judgement) -> str:
     """Say why a judgement is not valid, and what to do about it."""
-    measure, risk = judgement.likeness_value, judgement.risk
+    measure = judgement.likeness_value
     if judgement.likeness == "similarity" and measure < LEAST_SIMILARITY:
         why = f"its similarity with every trained case is below one half: {measure:.2g}"
         advice = "It was trained on nothing like this."
     elif judgement.likeness == "misfit" and measure > LARGEST_MISFIT:
         why = f"its misfit with what it was trained on is above one: {measure:.2g}"
         advice = "It was trained on nothing like this. Check load, sensors, noise and 'delay', unless damage began in it."
-    elif risk > LARGEST_RISK:
-        why = f"its risk, the chance that a zone is wrong by more than 10 %, is {100 * risk:.2g} %, above 1 %"
-        advice = "Noise, or damage that began within the window, leaves it unsure."
     elif judgement.likeness and math.isnan(measure):
         why, advice = f"its {judgement.likeness} is not a number", "Look for the first strain that is none."
-    elif judgement.likeness == "misfit" and math.isnan(risk):
-        why, advice = f"its misfit, {measure:.2g}, is valid, and its risk was not recorded", "Record it to see why."
     elif judgement.likeness:
         why = f"in spite of a {judgement.likeness} of {measure:.2g}"
         advice = "Give it the 'start_time', 'window_length' and 'sampling_step' it was trained for."
@@ -270,9 +271,11 @@ def zone_table(judgement: Judgement) -> Table:
         cells = []
         for zone in range(row * side, min((row + 1) * side, zones)):
             true, estimated = 100 * judgement.true[zone], 100 * judgement.estimated[zone]
-            numbers = f"{true:.0f} -> {estimated:.1f}" if known else f"{estimated:.1f}"
-            if certain:
-                numbers += f" +- {100 * judgement.deviation[zone]:.1f}"
+            numbers = f"{estimated:.1f} +- {100 * judgement.deviation[zone]:.1f}" if certain else f"{estimated:.1f}"
+            if not judgement.determined[zone]:
+                numbers = judgement.bounds(zone)
+            if known:
+                numbers = f"{true:.0f} -> {numbers}"
             cells.append(
                 f"zone {judgement.labels[zone]}\n"
                 + (f"[bold]{numbers}[/bold]" if true > 0.0 or estimated >= 5.0 else numbers)

@@ -17,7 +17,7 @@ from ..pages.page import Kind
 from ..words import counted, percent, uncertain
 from .dataset import find_all, origins_of, parameters_of, zone_label
 from .files import is_explained, sees_enough
-from .judgements import LEAST_SHOWN, Judgement, doubts, recorded_detector
+from .judgements import LEAST_SHOWN, REACH, Judgement, doubts, recorded_detector
 from .readers import LEAST_RANGE, Reader, curve_of, readers_of
 
 LEAST_CLEAR = 0.05  # damage of a zone that counts as found, by a detector that states no deviation
@@ -48,10 +48,14 @@ class Verdict:
 
 
 def found_zones(judgement: Judgement) -> list[int]:
-    """List the zones, from 0, that a judgement calls damaged, the most damaged first."""
+    """List the zones, from 0, that a judgement calls damaged, the most damaged first.
+
+    Of a detector that states deviations these are the zones whose bounds leave out 0.
+    """
     certain = np.isfinite(judgement.deviation).all()
+    least = np.maximum(LEAST_SHOWN, REACH * judgement.deviation) if certain else np.full(judgement.true.shape, LEAST_CLEAR)
     order = np.argsort(-judgement.estimated, kind="stable")
-    return [int(z) for z in order if judgement.estimated[z] >= (LEAST_SHOWN if certain else LEAST_CLEAR)]
+    return [int(z) for z in order if judgement.estimated[z] >= least[z]]
 
 
 def make_verdict(data: xr.Dataset, ended: Sequence[Judgement], watched: dict[str, Any] | None) -> Verdict:
@@ -79,17 +83,18 @@ def make_verdict(data: xr.Dataset, ended: Sequence[Judgement], watched: dict[str
     last, found = valid[-1], found_zones(valid[-1])
     certain = bool(np.isfinite(last.deviation).all())
     rest, alarmed = [z for z in range(last.estimated.size) if z not in found], _is_alarmed(watched)
+    is_open = not last.determined[rest].all()
     if found:
         sentence = f"Damaged: {_judged(last)}{_undamaged(last, rest, certain)}."
         first = next(window for window in valid if found_zones(window))
         if first is not last:
             more.insert(0, f"The first valid window that shows damage ended at t = {first.time:.4f} s.")
     else:
-        sentence = f"No damage: {_judged(last)}{_undamaged(last, rest, certain)}."
+        sentence = f"No damage{' that is certain' * is_open}: {_judged(last)}{_undamaged(last, rest, certain)}."
         if alarmed:
             sentence += " But the digital twin raised an alarm."
     more.insert(0, _truth(last.estimated, last.true, last.labels))
-    clear = ended[-1].valid and not (alarmed or sensing)  # else what came later is not known
+    clear = ended[-1].valid and not (alarmed or sensing or is_open)  # else what came later, or is there, is not known
     return Verdict("damage" if found else "healthy" if clear else "invalid", sentence, reasons + more)
 
 
@@ -176,19 +181,22 @@ def _listed(damage: ArrayLike, deviation: ArrayLike, zones: Sequence[int], digit
 
 def _undamaged(judgement: Judgement, zones: list[int], certain: bool) -> str:
     """Say how sure the detector is of the other zones."""
-    if not zones:
-        return ""
-    one, whole = len(zones) == 1, len(zones) == judgement.estimated.size
-    if one:
-        which = "its only zone" if whole else "the other zone"
-    else:
-        which = f"all {len(zones)} zones" if whole else f"the other {len(zones)} zones"
-    if not certain:
-        show = "shows" if one else "show"
-        return f"; {which} {show} less than {100 * LEAST_CLEAR:.0f} %; the detector states no uncertainty"
-    undamaged = "is undamaged," if one else "are undamaged, each"
-    most = max(100 * float(judgement.deviation[zones].max()), 0.05)
-    return f"; {which} {undamaged} within ± {most:.1f} % (± is one standard deviation)"
+    shut, unknown = ([z for z in zones if judgement.determined[z] == kind] for kind in (True, False))
+    said = ""
+    if shut:
+        one, whole = len(shut) == 1, len(shut) == judgement.estimated.size
+        which = ("its only zone" if one else f"all {len(shut)} zones") if whole else counted(len(shut), "other zone")
+        if not certain:
+            show = "shows" if one else "show"
+            return f"; {which} {show} less than {100 * LEAST_CLEAR:.0f} %; the detector states no uncertainty"
+        undamaged = "is undamaged," if one else "are undamaged, each"
+        most = max(100 * float(judgement.deviation[shut].max()), 0.05)
+        said = f"; {which} {undamaged} within ± {most:.1f} % (± is one standard deviation)"
+    if unknown:
+        listed = ", ".join(f"zone {judgement.labels[z]} {judgement.bounds(z)} %" for z in unknown[:MOST_NAMED])
+        more = f" and {len(unknown) - MOST_NAMED} more" if len(unknown) > MOST_NAMED else ""
+        said += f"; not determined: {listed}{more}"
+    return said
 
 
 def _truth(estimated: Array, known: Array, labels: Sequence[str]) -> str:

@@ -113,6 +113,7 @@ def test_an_invalid_last_judgement_has_an_exit_code_of_its_own(call, fmus, tmp_p
         "valid": valid[1] > 0.5,
         "damage": [0.2] * 16,
         "deviation": [None] * 16,
+        "determined": [True] * 16,
         "true_damage": [None] * 16,
     }
 

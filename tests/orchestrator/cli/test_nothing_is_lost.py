@@ -32,7 +32,7 @@ def record(tmp_path, monkeypatch):
 
 
 IDENTIFY = ["identify", "rec.csv", "--modes", "2", "--relaxations", "0", "--starts", "1", "--out", "out/sensor.json"]
-TRAIN = ["train", "small.zarr", "--window", "0.03", "--epochs", "40", "--out", "out/small.json"]
+TRAIN = ["train", "small.zarr", "--window", "0.03", "--steps", "60", "--out", "out/small.json"]
 BUILD = ["build", "sensor", "compensator", "--out", "out"]
 
 
@@ -91,7 +91,7 @@ def prepared(request, record):
     elif request.param == "train":
         Path("small.toml").write_text(CAMPAIGN)
         run_campaign(load_campaign(Path("small.toml"))[0], Path("before/small.zarr"), workers=1)
-        earlier, command = [*TRAIN, "--epochs", "30"], TRAIN
+        earlier, command = [*TRAIN, "--steps", "50"], TRAIN
     else:
         earlier, command = [*BUILD, "--native"], BUILD
     done = subprocess.run([sys.executable, "-m", "gossamer", *earlier], cwd="before", check=False)

@@ -150,14 +150,14 @@ def test_on_the_command_line_a_wrong_value_is_refused_by_its_option():
         "run damaged --threads 1.5": "--threads is 1.5. Give a whole number.",
         "run damaged --stop none": "--stop is none. Give a number.",
         "twin x.csv --kind stress": 'Invalid value "stress" for --kind. Choose from: "strain", "resistance", "compensated".',
-        "train --kind null": 'Invalid value "null" for --kind. Choose from: "neuro-fuzzy", "perceptron", "thesis".',
+        "train --kind null": 'Invalid value "null" for --kind. Choose from: "posterior", "thesis".',
     }.items():
         more = f"Every command has its own help: gossamer {words.split()[0]} --help"
         assert invoke(words.split()) == (2, "", f"{sentence}\n{more}\n")
 
 
 def test_a_choice_that_is_not_offered_is_refused_with_those_that_are():
-    with pytest.raises(gossamer.OrchestratorError, match=r"kind is 'big'\. Give 'neuro-fuzzy' or 'perceptron' or 'thesis'"):
+    with pytest.raises(gossamer.OrchestratorError, match=r"kind is 'big'\. Give 'posterior' or 'thesis'"):
         gossamer.train(kind="big")
 
 

@@ -23,7 +23,7 @@ page: Path = gossamer.view(gossamer.load("out/damaged"))
 warnings: list[str] = gossamer.validate("mine.toml", set={"seed": 2}).outline.warnings
 seen: gossamer.Watching = gossamer.watch(run, window=0.1)
 campaign: gossamer.Campaign = gossamer.campaign("training", workers=2)
-detector: gossamer.TrainedDetector = gossamer.train(campaign, kind="perceptron", epochs=3)
+detector: gossamer.TrainedDetector = gossamer.train(campaign, kind="posterior", steps=3)
 judged_detector: gossamer.DetectorAssessment = gossamer.assess_detector(artifact=[detector, "wide"], twin=True)
 placed: gossamer.SensorPlacement = gossamer.place_sensors(setup=Path("sail.toml"), set={"pressure_amplitude": 2.0})
 unit: object = gossamer.info(fmus["sensor"], locals=True).variables["strain"]["unit"]

@@ -49,9 +49,8 @@ def data() -> xr.Dataset:
 def report(tmp_path_factory) -> str:
     """Address of the page of these results, with a detector that states deviations and a twin that watched."""
     data, tmp_path = made_up().drop_vars("detector.similarity"), tmp_path_factory.mktemp("report")
-    data["detector.deviation"] = (data["detector.damage"].dims, 0.1 * data["detector.damage"].to_numpy())
+    data["detector.deviation"] = (data["detector.damage"].dims, 0.08 * data["detector.damage"].to_numpy())
     data["detector.misfit"] = ("time", np.full(10, 0.4))
-    data["detector.risk"] = ("time", 0.004 * (np.arange(10) >= 8))
     for k in range(1, 5):
         data[f"compensator{k}.strain_deviation"] = ("time", np.full(10, 1e-3))
         data[f"compensator{k}.resistance"] = ("time", 100.0 + np.arange(10.0) + 0.1)

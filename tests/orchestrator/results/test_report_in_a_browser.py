@@ -15,15 +15,13 @@ from gossamer_orchestrator.results.shapes import create_shapes
 
 
 def test_the_slider_moves_every_picture_and_nothing_is_amiss(page):
-    assert page.inner_text("#verdict").startswith("Damaged: zone 2 lost 20.0\xa0±\xa02.0\xa0% of its stiffness")
-    assert page.locator("figure").count() == 12
+    assert page.inner_text("#verdict").startswith("Damaged: zone 2 lost 20.0\xa0±\xa01.6\xa0% of its stiffness")
+    assert page.locator("figure").count() == 11
     contents = page.locator("nav a").all_inner_texts()
     assert contents[0] == "Damage"
     assert page.evaluate(
         "[...document.querySelectorAll('nav a')].every((a) => document.querySelector(a.getAttribute('href')))"
     )
-    risk = "page.figures.find(each => each.title.startsWith('Risk')).div.data[0].y"
-    assert page.evaluate(risk) == pytest.approx([0.0, 0.4])  # [%]
     assert page.inner_text("#clock") == "9.0000 s"
     heights = "() => Array.from(page.figures.find(each => each.title === 'Membrane').div.data[0].z)"
     zones = "page.figures.find(each => each.title === 'Damage of the zones [%]')"

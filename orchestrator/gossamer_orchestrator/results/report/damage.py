@@ -17,7 +17,7 @@ from gossamer_files.plots import Panels
 
 from ...errors import ResultsError
 from ..dataset import find, find_all, need, parameters_of, zone_label, zone_labels
-from ..judgements import LARGEST_MISFIT, LARGEST_RISK, LEAST_SIMILARITY, MOST_WINDOWS, changes, doubts, judge, true_damage
+from ..judgements import LARGEST_MISFIT, LEAST_SIMILARITY, MOST_WINDOWS, changes, doubts, judge, true_damage
 from ..readers import Recorded, over_time
 
 MOST_MARKERS = 300  # more would be a line, and slow
@@ -264,11 +264,6 @@ def doubt_charts(judged: DamageHistory) -> list[Chart]:
         title = f"{likeness.capitalize()} with what the detector was trained on"
         note = f"The {likeness} is {what}; a judgement is valid {side} {limit:g}."
         charts.append(_measured(title, judged.time, measures, limit, f"{likeness} [1]", note))
-    risk = 100.0 * np.array([window.risk for window in ended])
-    if np.isfinite(risk).any():
-        note = "The chance that some zone is wrong by more than 10 % of its stiffness; a judgement is valid up to 1 %."
-        title = "Risk that the detector is wrong"
-        charts.append(_measured(title, judged.time, risk, 100.0 * LARGEST_RISK, "risk [%]", note))
     if watch.get("time") and watch.get("score"):
         time, scores = np.array(watch["time"]), np.array(watch["score"], dtype=float)
         scores[scores == 0.0] = np.nan  # nothing was judged

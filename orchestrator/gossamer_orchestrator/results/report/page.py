@@ -99,7 +99,7 @@ def _others(run: Recorded) -> tuple[list[Chart], dict[str, float]]:
     """Draw recorded scalars that no other picture shows, a chart for each unit; those that never change are numbers."""
     hidden = {f"{name}.valid" for name in find_all(run.data, "detector")}
     if run.ended:
-        hidden |= {f"{name}.{what}" for name in find_all(run.data, "detector") for what in ("similarity", "misfit", "risk")}
+        hidden |= {f"{name}.{what}" for name in find_all(run.data, "detector") for what in ("similarity", "misfit")}
     units: dict[str, list[str]] = {}
     constant: dict[str, float] = {}
     for name in (str(name) for name, each in run.data.data_vars.items() if each.dims == ("time",)):
