@@ -24,6 +24,11 @@ def duration(seconds: float) -> str:
     return f"{float(f'{value:.3g}'):.12g} {unit}"
 
 
+def between(low: float, high: float) -> str:
+    """Return bounds [%] of a damage as ``3 to 11``, or ``below 14`` where the lower one is 0."""
+    return f"{low:.0f} to {high:.0f}" if low > 0.0 else f"below {high:.0f}"
+
+
 def percent(share: float) -> str:
     """Return a share as percent in two digits, as ``12 %``."""
     if 0.0 < share < 1e-4:

@@ -98,10 +98,9 @@ def figures(damage: Matrix, verdicts: Verdicts) -> Figures:
     """
     error = np.abs(verdicts.damage - damage)
     damaged = damage > 0.0
-    deviation = np.zeros(damage.shape) if verdicts.deviation is None else verdicts.deviation
-    called = verdicts.valid[:, None] & (verdicts.damage > np.maximum(CALL, CALLED * deviation))
-    wrong = error > WRONG
-    unmarked = verdicts.valid & (wrong & (error > MARKED * deviation)).any(axis=1)
+    called = verdicts.valid[:, None] & (verdicts.damage > np.maximum(CALL, CALLED * _stated(verdicts)))
+    wrong = (error > WRONG).any(axis=1)
+    unmarked = np.asarray(_unmarked(damage, verdicts, WRONG).any(axis=1))
     z = np.abs(scaled_errors(damage, verdicts))
     damaged_z = z[damaged[verdicts.valid].ravel()] if z.size else z
     P = verdicts.probability
@@ -113,8 +112,8 @@ def figures(damage: Matrix, verdicts: Verdicts) -> Figures:
         determined=share(determined(verdicts)[verdicts.valid].ravel()),
         hits=share(called[damage >= CALL]),
         false_calls=share((called & ~damaged).any(axis=1)),
-        wrong=share(wrong.any(axis=1)),
-        wrong_and_marked=share(~unmarked[wrong.any(axis=1)]),
+        wrong=share(wrong),
+        wrong_and_marked=share(~unmarked[wrong]),
         wrong_and_valid=share((misleading(damage, verdicts)).any(axis=1)),
         worst_healthy=100.0 * float(error[~damaged].max(initial=0.0)),
         z_rms=math.sqrt(_mean(z**2)),
@@ -127,9 +126,18 @@ def figures(damage: Matrix, verdicts: Verdicts) -> Figures:
 
 def misleading(damage: Matrix, verdicts: Verdicts) -> Rows:
     """Return which zones of valid records are determined and wrong, shape (n, zones)."""
+    return _unmarked(damage, verdicts, OFF) & determined(verdicts)
+
+
+def _unmarked(damage: Matrix, verdicts: Verdicts, least: float) -> Rows:
+    """Return which zones of valid records err by more than some damage [1] and ``MARKED`` deviations, shape (n, zones)."""
     error = np.abs(verdicts.damage - damage)
-    least = OFF if verdicts.deviation is None else np.maximum(OFF, MARKED * verdicts.deviation)
-    return np.asarray(verdicts.valid[:, None] & determined(verdicts) & (error > least))
+    return np.asarray(verdicts.valid[:, None] & (error > np.maximum(least, MARKED * _stated(verdicts))))
+
+
+def _stated(verdicts: Verdicts) -> Matrix:
+    """Return the stated deviations [1], shape (n, zones): 0, if the judge states none."""
+    return np.zeros(verdicts.damage.shape) if verdicts.deviation is None else verdicts.deviation
 
 
 def determined(verdicts: Verdicts) -> Rows:

@@ -37,7 +37,8 @@ def corrected(fit: Fit, finer: Forward, components: Matrix, noise: Vector, *, sp
     sparse : bool
         As of ``search``.
     simulated : bool
-        Whether the mesh of the twin may have made the record: it has where noise alone explains what is left.
+        Whether the mesh of the twin may have made the record: it has where noise alone explains what is left, and the error
+        of the mesh is so much above the noise (``CLEAR``) that this says something.
 
     Notes
     -----

@@ -108,8 +108,12 @@ class Fit:
     @property
     def passes(self) -> bool:
         """Whether chi2 per sample is below its bound, and no nuisance as far from its prior as the search goes."""
-        far = np.abs(self.problem.z(self.point.x[None])).max(initial=0.0)
-        return bool(self.per_sample <= self.chi2_bound and far < BEYOND and not self.oddity)
+        return bool(self.per_sample <= self.chi2_bound and self.off < BEYOND and not self.oddity)
+
+    @property
+    def off(self) -> float:
+        """By how many deviations of its prior a nuisance is off, at most."""
+        return float(np.abs(self.problem.z(self.point.x[None])).max(initial=0.0))
 
     @cached_property
     def oddity(self) -> str:
@@ -260,7 +264,7 @@ def from_priors(fit: Fit, *, sparse: bool) -> list[Fit]:
     ends in the same valley.
     """
     zones = fit.problem.zones
-    if not fit.passes or np.abs(fit.problem.z(fit.point.x[None])).max(initial=0.0) < APART:
+    if not fit.passes or fit.off < APART:
         return []
     other = _ended(fit.problem, Begun(_unknowns(fit.problem, fit.point.x[:zones]), fit.early_chi2), sparse=sparse)
     return [] if other is None or not elsewhere(other, fit) else [other]

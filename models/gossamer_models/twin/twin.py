@@ -49,7 +49,7 @@ HIDES = 0.5  # of the noise: where the error of the mesh is larger, a finer one 
 COLOURED = 100.0  # chi2 per sample up to which noise may be coloured: what is slow leaves so much of what is fast
 FLOOR = 3.0  # times the noise: no search takes the mesh for more exact, before a finer one is simulated
 LEFT = {"strain": 0.15, "resistance": 0.3}  # of the error of the thesis' square: measured of order 8 by pairs of order 12
-WIRED = 20.0  # of chi2: what another wiring of a record that fits must explain
+WIRED = 20.0  # of chi2: what another wiring of a record that fits must explain, or another end of a search, to stand alone
 
 
 class Twin:

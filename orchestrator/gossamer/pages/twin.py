@@ -12,7 +12,7 @@ from gossamer_models.twin import Answer, StaticRecord
 from gossamer_orchestrator.pages import Page, table
 from gossamer_orchestrator.pages.page import Kind
 from gossamer_orchestrator.results.dataset import zone_label
-from gossamer_orchestrator.words import uncertain
+from gossamer_orchestrator.words import between, uncertain
 
 NUISANCE_UNITS = {"phase": "rad", "pressure": "Pa"}  # of what is fitted beside damage; the others are ratios
 
@@ -71,10 +71,9 @@ def twin_page(name: str, answer: Answer, compared: str, *, shown: bool) -> Page:
 
 def _damage_text(answer: Answer, zone: int) -> str:
     """Return the damage of a zone [%] with its deviation, or the bounds of one that is not determined."""
-    low, high = 100.0 * answer.bounds[zone]
     if answer.determined[zone]:
         return f"{100.0 * answer.damage[zone]:.2f} ± {100.0 * answer.deviation[zone]:.2f}"
-    return f"{low:.0f} to {high:.0f}" if low > 0.0 else f"below {high:.0f}"
+    return between(*(100.0 * answer.bounds[zone]))
 
 
 def zone_cells(answer: Answer, *, shown: bool) -> TableText:

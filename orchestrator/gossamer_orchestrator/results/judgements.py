@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from ..errors import ResultsError
-from ..words import uncertain
+from ..words import between, uncertain
 from .dataset import LIKENESS, WATCHED, find, find_all, is_whole, need, zone_label, zone_labels
 
 _ROWS = 20_000
@@ -72,8 +72,8 @@ class Judgement:
 
     def bounds(self, zone: int) -> str:
         """Say between which values [%] the damage of a zone lies, within ``REACH`` deviations."""
-        low, high = 100.0 * np.clip(self.estimated[zone] + REACH * self.deviation[zone] * np.array([-1.0, 1.0]), 0.0, 1.0)
-        return f"{low:.0f} to {high:.0f}" if low > 0.0 else f"below {high:.0f}"
+        ends = self.estimated[zone] + REACH * self.deviation[zone] * np.array([-1.0, 1.0])
+        return between(*(100.0 * np.clip(ends, 0.0, 1.0)))
 
     @property
     def mean_absolute_error(self) -> float:
@@ -271,11 +271,9 @@ def zone_table(judgement: Judgement) -> Table:
         cells = []
         for zone in range(row * side, min((row + 1) * side, zones)):
             true, estimated = 100 * judgement.true[zone], 100 * judgement.estimated[zone]
-            numbers = f"{estimated:.1f} +- {100 * judgement.deviation[zone]:.1f}" if certain else f"{estimated:.1f}"
-            if not judgement.determined[zone]:
-                numbers = judgement.bounds(zone)
-            if known:
-                numbers = f"{true:.0f} -> {numbers}"
+            value = f"{estimated:.1f} +- {100 * judgement.deviation[zone]:.1f}" if certain else f"{estimated:.1f}"
+            said = value if judgement.determined[zone] else judgement.bounds(zone)
+            numbers = f"{true:.0f} -> {said}" if known else said
             cells.append(
                 f"zone {judgement.labels[zone]}\n"
                 + (f"[bold]{numbers}[/bold]" if true > 0.0 or estimated >= 5.0 else numbers)
