@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Matrix, Rows, Vector
 from .discrepancy import Discrepancy, spline_matrix
-from .forward import LANES, Forward
+from .forward import Forward
 from .least_squares import PRIOR_DEVIATION, LeastSquares, Point, neighbours, require_finite
 from .nuisances import SENSOR, SPARE, Nuisances
 from .record import ResponseRecord, StaticRecord
@@ -107,7 +107,7 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         """Return the problem with other noise, shape (s,), and that of a record of the same values where it is coloured."""
         return self._with(noise=noise, record=self.record if record is None else record.first(self.record.samples))
 
-    def corrected(self, finer: Forward, point: Point, kept: Rows, components: Matrix) -> RecordProblem:
+    def corrected(self, finer: Forward, point: Point, moving: NDArray[np.int64], components: Matrix) -> RecordProblem:
         """Return the problem with what a finer mesh adds to the strain about a point.
 
         Parameters
@@ -116,8 +116,8 @@ class RecordProblem(DamageUnknowns, LeastSquares):
             The same membrane on a finer mesh.
         point : Point
             Where it is simulated.
-        kept : ndarray of bool, shape (size,)
-            Unknowns by the first of which it is differentiated: as many as make no more lanes than one.
+        moving : ndarray of int, shape (k,)
+            Unknowns by which it is differentiated, of those that are simulated.
         components : ndarray, shape (k, s, n or more)
             Of the error of the finer mesh, in place of those of this one; at the samples or in the states.
 
@@ -128,7 +128,6 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         """
         other, own = copy(self), copy(self)
         other.model, other.added, own.added = finer, None, None
-        moving = np.flatnonzero(kept[: self.simulated])[: LANES - 1]
         rows, steps = neighbours(point.x, moving, self.steps[moving], self.high)
         rows = np.vstack([point.x, rows])
         more = require_finite(other._strain(rows) - own._strain(rows))

@@ -233,8 +233,11 @@ def begun(stages: Sequence[RecordProblem], x: Vector, *, one_valley: bool, most:
     return found
 
 
-def _ended(whole: RecordProblem, start: Begun, *, sparse: bool, rounds: int = ROUNDS) -> Fit | None:
-    """Return the fit of the whole record from there, or None if the simulation fails; with as many rounds of scales."""
+def _ended(whole: RecordProblem, start: Begun, *, sparse: bool, rounds: int = ROUNDS, rivals: bool = True) -> Fit | None:
+    """Return the fit of the whole record from there, or None if the simulation fails.
+
+    With as many rounds of scales, and with sets of zones that may be as good, if asked.
+    """
     try:
         fit = _finish(whole, start, sparse=sparse)
         for _ in range(0 if whole.sensor_error is None or start.hopeless else rounds):
@@ -242,17 +245,19 @@ def _ended(whole: RecordProblem, start: Begun, *, sparse: bool, rounds: int = RO
             if told.worth > fit.worth - ROUGH:
                 break
             fit = told
-        return with_rivals(fit) if sparse and fit.passes else fit
+        return with_rivals(fit) if rivals and sparse and fit.passes else fit
     except ConvergenceError:
         return None
 
 
-def again(fit: Fit, problem: RecordProblem, *, sparse: bool, rounds: int = ROUNDS, hopeless: bool = False) -> Fit:
+def again(
+    fit: Fit, problem: RecordProblem, *, sparse: bool, rounds: int = ROUNDS, hopeless: bool = False, rivals: bool = True
+) -> Fit:
     """Return the fit of a problem with other weights, from where another one ended; that one if it fails.
 
     Of one that is hopeless a few steps are followed.
     """
-    ended = _ended(problem, replace(fit.end, hopeless=hopeless), sparse=sparse, rounds=rounds)
+    ended = _ended(problem, replace(fit.end, hopeless=hopeless), sparse=sparse, rounds=rounds, rivals=rivals)
     return fit if ended is None else replace(ended, vague=fit.vague)
 
 
@@ -368,8 +373,11 @@ def with_rivals(fit: Fit) -> Fit:
     rivals, (kept, _, x) = tuple(end for end in ends.values() if end is not best), best
     if kept is fit.kept:
         return replace(fit, rivals=rivals)
-    found = descend(whole, x, kept)
-    model, J = _over_all(whole, found, kept)
+    try:
+        found = descend(whole, x, kept)
+        model, J = _over_all(whole, found, kept)
+    except ConvergenceError:
+        return fit
     return replace(fit, point=found.point, model=model, J=J, kept=kept, rivals=rivals)
 
 

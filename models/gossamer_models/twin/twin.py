@@ -41,10 +41,10 @@ VALLEY = 0.7  # first periods over which chi2 has one valley, at most
 MOST_STEPS = 5000  # internal steps that are compared, unless the record is said to be compared whole
 SUSPECT = 0.5  # deviations of chi2 above the expected one from which on wirings are compared, and by which one is better
 Progress: TypeAlias = Callable[[float, int], None]  # length of the record [s], and simulations that were made
-ESTIMATES, SAME_NOISE = 2, 0.9  # of noise from what a fit leaves, while it falls below this share
+ESTIMATES, SAME_NOISE = 4, 0.9  # of noise from what a fit leaves, while it falls below this share
 # deviations of chi2 from the expected one below which what is fast in a membrane was taken for noise, and chi2 per sample
 # below which there is no noise at all
-OVERRATED, CLEAN = -3.0, 0.1
+OVERRATED, CLEAN = -2.0, 0.1
 HIDES = 0.5  # of the noise: where the error of the mesh is larger, a finer one is simulated at the fit
 COLOURED = 100.0  # chi2 per sample up to which noise may be coloured: what is slow leaves so much of what is fast
 FLOOR = 3.0  # times the noise: no search takes the mesh for more exact, before a finer one is simulated
@@ -346,10 +346,9 @@ class Twin:
                 noise = np.fmin(noise, problem.noise * math.sqrt(fit.per_sample))
             if not np.nanmin(noise / problem.noise) < SAME_NOISE:
                 break
-            fit = self._weighed(record, noise, fit)
-            if finer is None and fit.problem.mesh_over_noise > HIDES:
-                finer = self._finer(record, fit.problem.components)
-                fit = fit if finer is None else ending(fit, *finer, noise)
+            if finer is None and problem.under(noise).mesh_over_noise > HIDES:
+                finer = self._finer(record, problem.components)
+            fit = self._weighed(record, noise, fit) if finer is None else ending(fit, *finer, noise)
         return fit
 
     def _compared(self, record: ResponseRecord) -> int:
