@@ -60,7 +60,7 @@ def corrected(fit: Fit, finer: Forward, components: Matrix, noise: Vector, *, sp
     found, settled, move = fit, False, np.zeros(fit.problem.zones)
     if own.added is None and (hopeless or (simulated and own.mesh_over_noise > CLEAR and _made_by(own, fit))):
         return again(fit, own, sparse=sparse, hopeless=hopeless)
-    for _ in range(ROUNDS):
+    for left in reversed(range(ROUNDS)):
         try:
             problem = problem.corrected(finer, found.point, _differentiated(found), components)
         except ConvergenceError:
@@ -68,11 +68,12 @@ def corrected(fit: Fit, finer: Forward, components: Matrix, noise: Vector, *, sp
         before, found = found, again(found, problem, sparse=sparse, rounds=1, rivals=False)  # the next round is one too
         if found is before:  # the fit failed
             break
+        if sparse and found.passes and (not left or moved(before, found) < SETTLED):
+            found = with_rivals(found)
         problem, settled = found.problem, moved(before, found) < SETTLED
         move = np.abs(found.point.x - before.point.x)[: problem.zones]
         if settled:
             break
-    found = with_rivals(found) if sparse and found is not fit and found.passes else found
     if settled and found.passes:
         return found
     plain = again(fit, own, sparse=sparse)
