@@ -20,7 +20,7 @@ HOPELESS = 3.0  # chi2 per sample that no finer mesh explains
 ROUNDS = 5
 CLEAR = 3.0  # errors of the mesh over noise with which chi2 tells which mesh made the record
 PLACES = 15  # unknowns that the finer mesh is differentiated by, unless more are kept: two runs of eight lanes
-NEGLIGIBLE = 1e-12
+NEGLIGIBLE = 1e-12  # curvature: such a zone moves no sensor
 SETTLED = 0.5  # deviations of a damage: a round that moves none by more is the last
 
 
@@ -30,7 +30,7 @@ def corrected(fit: Fit, finer: Forward, components: Matrix, noise: Vector, *, sp
     Parameters
     ----------
     fit : Fit
-        On the twin's mesh.
+        On the twin's mesh, or one that was corrected under another noise.
     finer : Forward
         The same membrane on a finer mesh.
     components : ndarray, shape (k, s, n or more)
@@ -45,11 +45,11 @@ def corrected(fit: Fit, finer: Forward, components: Matrix, noise: Vector, *, sp
 
     Notes
     -----
-    Defect correction [1]_: the finer mesh is simulated at the fit alone, once a round, and what it adds there is added
-    everywhere, to first order in all unknowns that are kept and in the likeliest others (``PLACES``). Without derivatives
-    of load and material on the finer mesh the rounds creep: what is fast there has another phase, moves by a tenth of what
-    it should, and the search looks settled where it is not. Where damages still move after the last round, its move is
-    part of their deviations.
+    Defect correction [1]_: the finer mesh is simulated at the fit and beside it, once a round, and what it adds there is
+    added everywhere, to first order in load, material, the damages that are kept and the likeliest others (``PLACES``).
+    With the load and material of the twin's mesh the rounds creep: what is fast has another phase on the finer one, so
+    that a round makes a tenth of the move that is needed, and seems to be the last. Where damages still move after the
+    last round, its move is part of their deviations.
 
     References
     ----------
@@ -58,14 +58,14 @@ def corrected(fit: Fit, finer: Forward, components: Matrix, noise: Vector, *, sp
     own = problem = fit.problem.under(noise)
     hopeless = fit.per_sample >= HOPELESS
     found, settled, move = fit, False, np.zeros(fit.problem.zones)
-    if own.added is None and (hopeless or (simulated and own.mesh_over_noise > CLEAR and _made_by(own, fit))):
+    if hopeless or (own.added is None and simulated and own.mesh_over_noise > CLEAR and _made_by(own, fit)):
         return again(fit, own, sparse=sparse, hopeless=hopeless)
     for left in reversed(range(ROUNDS)):
         try:
             problem = problem.corrected(finer, found.point, _differentiated(found), components)
         except ConvergenceError:
             break
-        before, found = found, again(found, problem, sparse=sparse, rounds=1, rivals=False)  # the next round is one too
+        before, found = found, again(found, problem, sparse=sparse, rounds=1, rivals=False)  # scales: once a round
         if found is before:  # the fit failed
             break
         if sparse and found.passes and (not left or moved(before, found) < SETTLED):
@@ -75,15 +75,18 @@ def corrected(fit: Fit, finer: Forward, components: Matrix, noise: Vector, *, sp
         if settled:
             break
     if settled and found.passes:
-        return found
+        return replace(found, vague=0.0)
+    if own.added is not None and found is not fit:
+        return replace(found, vague=move)
     plain = again(fit, own, sparse=sparse)
     return replace(found, vague=move) if found is not fit and found.unlikely < plain.unlikely else plain
 
 
 def _differentiated(fit: Fit) -> NDArray[np.int64]:
-    """Return the simulated unknowns that are kept, and of the dropped ones those by which chi2 falls fastest."""
-    asks = np.where(fit.kept, np.inf, fit.model.g**2 / np.maximum(np.diag(fit.model.A), NEGLIGIBLE))[: fit.problem.simulated]
-    return np.sort(np.argsort(-asks, kind="stable")[: max(PLACES, np.count_nonzero(np.isinf(asks)))])
+    """Return the simulated unknowns that are kept, and of the dropped ones those by which chi2 falls most."""
+    gain = np.maximum(fit.model.g, 0.0) ** 2 / np.maximum(np.diag(fit.model.A), NEGLIGIBLE)  # dropped damages may only rise
+    gain = np.where(fit.kept, np.inf, gain)[: fit.problem.simulated]
+    return np.sort(np.argsort(-gain, kind="stable")[: max(PLACES, np.count_nonzero(fit.kept[: gain.size]))])
 
 
 def _made_by(own: RecordProblem, fit: Fit) -> bool:

@@ -253,7 +253,7 @@ def _ended(whole: RecordProblem, start: Begun, *, sparse: bool, rounds: int = RO
 def again(
     fit: Fit, problem: RecordProblem, *, sparse: bool, rounds: int = ROUNDS, hopeless: bool = False, rivals: bool = True
 ) -> Fit:
-    """Return the fit of a problem with other weights, from where another one ended; that one if it fails.
+    """Return the fit of a problem with other weights or corrections, from where another one ended; that one if it fails.
 
     Of one that is hopeless a few steps are followed.
     """
@@ -377,7 +377,7 @@ def with_rivals(fit: Fit) -> Fit:
         found = descend(whole, x, kept)
         model, J = _over_all(whole, found, kept)
     except ConvergenceError:
-        return fit
+        return replace(fit, rivals=tuple(end for end in ends.values() if end[0] is not fit.kept))
     return replace(fit, point=found.point, model=model, J=J, kept=kept, rivals=rivals)
 
 

@@ -85,7 +85,7 @@ class Twin:
         None if the record comes from a simulation with the twin's mesh.
     mesh_error : MeshErrors or None
         What finer meshes change under the loads of a record; None if it comes from a simulation with the twin's mesh, or
-        where a discrepancy is known. Where it hides more of the damages than the noise does, the finer mesh is simulated at
+        where a discrepancy is known. Where it is larger than half of the noise, the finer mesh is simulated at
         the fit; no answer is valid where what that one lacks still does, or is not known.
     healthy : ResponseRecord or None
         Record of the same structure without damage under the same loads: what it has beside the model is taken from every
