@@ -20,7 +20,7 @@ HOPELESS = 3.0  # chi2 per sample that no finer mesh explains
 ROUNDS = 5
 CLEAR = 3.0  # errors of the mesh over noise with which chi2 tells which mesh made the record
 PLACES = 15  # unknowns that the finer mesh is differentiated by, unless more are kept: two runs of eight lanes
-NEGLIGIBLE = 1e-12  # curvature: such a zone moves no sensor
+UNSEEN = 1e-12  # curvature: such a zone moves no sensor
 SETTLED = 0.5  # deviations of a damage: a round that moves none by more is the last
 
 
@@ -60,7 +60,7 @@ def corrected(fit: Fit, finer: Forward, components: Matrix, noise: Vector, *, sp
     found, settled, move = fit, False, np.zeros(fit.problem.zones)
     if hopeless or (own.added is None and simulated and own.mesh_over_noise > CLEAR and _made_by(own, fit)):
         return again(fit, own, sparse=sparse, hopeless=hopeless)
-    for left in reversed(range(ROUNDS)):
+    for k in range(ROUNDS):
         try:
             problem = problem.corrected(finer, found.point, _differentiated(found), components)
         except ConvergenceError:
@@ -68,9 +68,11 @@ def corrected(fit: Fit, finer: Forward, components: Matrix, noise: Vector, *, sp
         before, found = found, again(found, problem, sparse=sparse, rounds=1, rivals=False)  # scales: once a round
         if found is before:  # the fit failed
             break
-        if sparse and found.passes and (not left or moved(before, found) < SETTLED):
+        settled = moved(before, found) < SETTLED
+        if sparse and found.passes and (settled or k == ROUNDS - 1):
             found = with_rivals(found)
-        problem, settled = found.problem, moved(before, found) < SETTLED
+            settled = settled and np.array_equal(found.kept, before.kept)
+        problem = found.problem
         move = np.abs(found.point.x - before.point.x)[: problem.zones]
         if settled:
             break
@@ -84,7 +86,7 @@ def corrected(fit: Fit, finer: Forward, components: Matrix, noise: Vector, *, sp
 
 def _differentiated(fit: Fit) -> NDArray[np.int64]:
     """Return the simulated unknowns that are kept, and of the dropped ones those by which chi2 falls most."""
-    gain = np.maximum(fit.model.g, 0.0) ** 2 / np.maximum(np.diag(fit.model.A), NEGLIGIBLE)  # dropped damages may only rise
+    gain = np.maximum(fit.model.g, 0.0) ** 2 / np.maximum(np.diag(fit.model.A), UNSEEN)  # dropped damages may only rise
     gain = np.where(fit.kept, np.inf, gain)[: fit.problem.simulated]
     return np.sort(np.argsort(-gain, kind="stable")[: max(PLACES, np.count_nonzero(fit.kept[: gain.size]))])
 
