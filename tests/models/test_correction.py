@@ -110,8 +110,13 @@ def test_what_is_added_follows_the_finer_mesh_to_first_order(strain, learned):
     assert np.abs(read[1] - exact[1]).max() < 0.02 * change
     coarse = problem.predict(np.vstack([x, moved]))[:, :, :STEPS]
     assert np.abs((coarse[1] - coarse[0]) - (exact[1] - exact[0])).max() > 0.05 * change
-    like = problem.like(finer, replace(point, x=moved))
-    np.testing.assert_allclose(like.predict(moved[None])[0], finer.predict(moved[None])[0], atol=1e-12)
+    groups = np.r_[np.arange(10), 5, np.arange(10, 15)]  # zones 6 and 11 have one damage
+    in_groups = twin._problem(record(strain, 4), groups=groups, wider=True).like(finer)
+    together = np.zeros((2, in_groups.size))
+    together[:, 5], together[1, 15 + in_groups.nuisances.simulated.index("modulus")] = [0.2, 0.25], 0.03
+    apart = np.zeros((2, problem.size))
+    apart[:, :16], apart[:, modulus] = together[:, groups], [0.0, 0.03]
+    np.testing.assert_allclose(in_groups.predict(together), finer.predict(apart), atol=1e-12)
 
 
 def test_the_last_round_is_one_that_moves_no_damage(strain, learned):

@@ -12,7 +12,6 @@ from gossamer_models.twin import MembraneForward, ResponseRecord, Twin, make_rec
 from gossamer_models.twin.discrepancy import SPACING, Discrepancy, is_load_learned
 from gossamer_models.twin.nuisances import BY_DEFAULT
 from gossamer_models.twin.record import StaticRecord, dead_sensors, less_healthy
-from gossamer_models.twin.search import search
 from gossamer_models.twin.simulation import SensedForward
 
 pytest.importorskip("ziglang", reason="the twin needs the compiler for its speed")
@@ -208,15 +207,6 @@ def test_a_softer_membrane_is_no_damage_of_all_zones(forward):
     assert answer.nuisances["modulus"][0] == pytest.approx(0.97, abs=1e-3)
     everywhere = Twin(SQUARE, sparse=False).fit(record)
     assert np.all(everywhere.damage < 3.0 * everywhere.deviation)
-
-
-def test_a_false_minimum_is_left_for_another_start(forward, twin):
-    """From a far start the twin ends elsewhere, chi2 tells, and the next start finds the damage."""
-    far = np.full(16, 0.9)
-    problem = twin._problem(ResponseRecord(step=STEP, values=strain(forward, TWO), noise=1e-5))
-    fit, _ = search([problem], sparse=True, given=far)
-    assert fit.passes
-    np.testing.assert_allclose(fit.point.x[:16], TWO, atol=1e-4)
 
 
 def test_gaps_and_a_dead_sensor_are_left_out(forward, twin):

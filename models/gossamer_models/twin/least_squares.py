@@ -18,6 +18,7 @@ from ..arrays import Matrix, Rows, Vector
 from ..errors import ConvergenceError
 
 MOST_SWAPS = 40
+ROUND_OFF = 1e-12  # of the curvature by an unknown: more than what is left of one where unknowns act alike
 MOST_DAMAGE = 0.95
 PRIOR_DEVIATION = MOST_DAMAGE / math.sqrt(12.0)  # of a damage that may be anything
 DAMAGE_STEP = 2e-3  # of finite differences
@@ -36,7 +37,7 @@ def bounded_minimum(A: Matrix, g: Vector, low: Vector, high: Vector) -> Vector:
     Parameters
     ----------
     A : ndarray, shape (n, n)
-        Curvature, positive definite.
+        Curvature, positive semidefinite with a positive diagonal; singular where unknowns act alike.
     g : ndarray, shape (n,)
         Slope.
     low, high : ndarray, shape (n,)
@@ -53,7 +54,7 @@ def bounded_minimum(A: Matrix, g: Vector, low: Vector, high: Vector) -> Vector:
        doi:10.1137/S1052623401383558.
     """
     scale = 1.0 / np.sqrt(np.diag(A))
-    A, g, low, high = A * np.outer(scale, scale), g * scale, low / scale, high / scale
+    A, g, low, high = A * np.outer(scale, scale) + ROUND_OFF * np.eye(len(g)), g * scale, low / scale, high / scale
     d, slope = np.zeros(len(g)), g.copy()
     for _ in range(MOST_SWAPS):
         below, above = d + slope < low, d + slope > high

@@ -98,10 +98,18 @@ class RecordProblem(DamageUnknowns, LeastSquares):
             self.sensor_error = self._error_along(require_finite(strain), reading[0])
         self._weigh_anew()
 
-    def like(self, other: RecordProblem, point: Point) -> RecordProblem:
-        """Return the problem of the record with the errors of sensors and mesh of another one, but for causes beside."""
-        added = None if other.added is None else other.added.at(point.x)
+    def like(self, other: RecordProblem) -> RecordProblem:
+        """Return the problem with the errors of sensors and mesh of another one of this record, but for causes beside."""
+        added = None if other.added is None else other.added.of(self._as_of(other))
         return self._with(sensor_error=other.sensor_error, components=other.components, added=added, _known={})
+
+    def _as_of(self, other: RecordProblem) -> Matrix:
+        """Return the matrix from these unknowns to those of a problem with finer groups or fewer nuisances."""
+        found, names = np.zeros((other.size, self.size)), self.nuisances.names
+        found[other.groups, self.groups] = 1.0
+        for k, name in enumerate(other.nuisances.names):
+            found[other.zones + k, self.zones + names.index(name)] = 1.0
+        return found
 
     def under(self, noise: Vector, record: ResponseRecord | None = None) -> RecordProblem:
         """Return the problem with other noise, shape (s,), and that of a record of the same values where it is coloured."""

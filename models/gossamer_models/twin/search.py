@@ -17,7 +17,7 @@ import numpy as np
 from ..arrays import Matrix, Rows, Vector
 from ..errors import ConvergenceError
 from .forward import WORKERS
-from .least_squares import NEGLIGIBLE, Minimum, Point, Quadratic, change, descend
+from .least_squares import MOST_DAMAGE, NEGLIGIBLE, Minimum, Point, Quadratic, change, descend
 from .nuisances import BEYOND, FACTORS, MODULUS
 from .oddities import chi2_bound, oddity
 from .problem import RecordProblem
@@ -28,7 +28,7 @@ T = TypeVar("T")
 ROUGH = 1.0  # of chi2: where a stage may stop that another follows
 MOST_CHANGES = 4  # of the zones that are kept
 MOST_STARTS = 4  # after the first
-MORE_STARTS = 2  # after one that passes, without early stages
+MORE_STARTS = 2  # without early stages
 DOUBTFUL = 1.0  # deviations of chi2 above the expected one, of a fit that passes
 FEW_SENSORS = 1.5  # zones for each: with more zones there may be several minima that pass
 HOPELESS = 5.0  # deviations of chi2 above the expected one
@@ -37,6 +37,7 @@ FEW_STEPS = 2  # where it is hopeless
 ROUNDS = 4  # of the scales of the errors of the sensors
 RIVAL_STEPS = 4  # of the descent of another set of zones
 APART = 1.0  # deviations of its prior by which a nuisance is off
+TORN = 0.01  # damage that is so close to the largest one is at it
 ALIKE = 0.8  # cosine of the derivatives by two zones of which one is tried in place of the other
 
 
@@ -117,13 +118,15 @@ class Fit:
 
     @cached_property
     def oddity(self) -> str:
-        """What residuals show that those of a right model do not; empty if nothing."""
+        """What the fit shows that one of a right model does not; empty if nothing."""
+        torn = np.flatnonzero((self.point.x > self.problem.high - TORN)[self.problem.groups])
+        if torn.size:
+            zone = self.problem.model.zones[torn[0]]
+            return f"damage of {zone} is as large as the twin goes, {100.0 * MOST_DAMAGE:g} %, as in a false minimum"
         return oddity(self.problem, self.point.r, self.J[:, self.kept], self.model.A[np.ix_(self.kept, self.kept)])
 
 
-def search(
-    stages: Sequence[RecordProblem], *, sparse: bool, given: Vector | None = None, one_valley: bool = True
-) -> tuple[Fit, list[Fit]]:
+def search(stages: Sequence[RecordProblem], *, sparse: bool, one_valley: bool = True) -> tuple[Fit, list[Fit]]:
     """Return the first fit that passes its bound, or else the best of all starts; and other minima that were found.
 
     Parameters
@@ -132,8 +135,6 @@ def search(
         Longer and longer beginnings of the record; the last is all of it.
     sparse : bool
         Whether to drop zones.
-    given : ndarray, shape (zones,), or None
-        Damages to start from first.
     one_valley : bool
         Whether the first stage is so short that chi2 has one valley.
 
@@ -144,39 +145,39 @@ def search(
 
     Notes
     -----
-    A start is followed to the end only where its early stages end below those of the best fit before: that is what finds
-    false minima. One whose early stages end above the bound of chi2 waits for the other starts; if all do, one is
-    followed for a few steps. Where the first stage
-    has one valley, and its bottom is hopeless from no damage, no others are tried. They are tried, side by side, where
-    nothing passes. Where there are few sensors they are tried too if chi2 of what passes is above the expected one, or
-    without early stages, which have fewer valleys.
+    The first start is no damage. One whose early stages end above the bound of chi2 waits for the other starts; if all do,
+    one is followed for a few steps. Where the first stage has one valley, and its bottom is hopeless from no damage, no
+    others are tried. Where nothing passes, zones are added to none of them instead of dropped from all: where little tells
+    them, all together wander far off. Then other starts are tried, side by side, and followed where their early stages end
+    below those of the best fit before: that is what finds false minima. Where there are few sensors, both are tried too if
+    chi2 of what passes is above the expected one, or without early stages, which have fewer valleys.
     """
-    whole, ends, going, hopeless = stages[-1], list[Fit](), list[Begun](), False
-    start = partial(begun, stages[:-1], one_valley=one_valley)
-    for damage in [*([] if given is None else [given]), np.zeros(whole.zones)]:
-        first = start(_unknowns(whole, damage))
-        if first is None:
-            continue
-        hopeless = first.hopeless and not damage.any()
-        if first.far and not hopeless:
-            going.append(first)
-        elif not ends or first.reached <= ends[-1].early_chi2 - THRESHOLD:
-            ends += [fit for fit in [_ended(whole, first, sparse=sparse)] if fit is not None]
-        if hopeless or any(fit.passes for fit in ends):
-            break
-    passes = [misfit(whole, fit.point) for fit in ends if fit.passes]
-    few = FEW_SENSORS * len(whole.record.sensors) < whole.zones
-    doubtful = few and (not stages[:-1] or min(passes, default=np.inf) > DOUBTFUL)
-    if not hopeless and (doubtful or not passes):
-        others = _others(stages[0])[: MORE_STARTS if passes and not stages[:-1] else MOST_STARTS]
-        going += [each for each in side_by_side(start, others) if each is not None]
+    whole, ends, going = stages[-1], list[Fit](), list[Begun]()
+    start, ended = partial(begun, stages[:-1], one_valley=one_valley), partial(_ended, whole, sparse=sparse)
+    few, healthy = FEW_SENSORS * len(whole.record.sensors) < whole.zones, np.zeros(whole.size)
+
+    def doubtful() -> bool:
+        passes = [misfit(whole, fit.point) for fit in ends if fit.passes]
+        return not passes or (few and (not stages[:-1] or min(passes) > DOUBTFUL))
+
+    first = start(healthy)
+    hopeless = first is not None and first.hopeless
+    if first is not None and first.far and not hopeless:
+        going.append(first)
+    elif first is not None:
+        ends += filter(None, [ended(first)])
+    early = bool(ends)
+    if sparse and not hopeless and doubtful():
+        ends += filter(None, [ended(Begun(healthy, kept=np.arange(whole.size) >= whole.zones))])
+    if not hopeless and doubtful():
+        others = _others(stages[0])[: MOST_STARTS if stages[:-1] else MORE_STARTS]
+        going += filter(None, side_by_side(start, others))
         reached = min((fit.early_chi2 for fit in ends), default=np.inf) - THRESHOLD
         lowest = min((each.reached for each in going), default=np.inf) + THRESHOLD
         lower = [each for each in going if each.reached <= min(reached, lowest)]
-        if not ends and all(each.far for each in going):
+        if not early and all(each.far for each in going):
             lower = [replace(each, hopeless=True) for each in lower[:1]]
-        found = side_by_side(partial(_ended, whole, sparse=sparse), lower)
-        ends += [fit for fit in found if fit is not None]
+        ends += filter(None, side_by_side(ended, lower))
     if not ends:
         msg = "the twin's membrane fails from every start. Check its parameters and the load."
         raise ConvergenceError(msg)
@@ -259,6 +260,17 @@ def again(
     """
     ended = _ended(problem, replace(fit.end, hopeless=hopeless), sparse=sparse, rounds=rounds, rivals=rivals)
     return fit if ended is None else replace(ended, vague=fit.vague)
+
+
+def in_groups(fit: Fit, problem: RecordProblem, *, sparse: bool) -> Fit | None:
+    """Return the fit of a problem whose groups of zones have one damage, from the means of another fit; None if it fails."""
+    groups, zones = problem.groups, fit.problem.zones
+    means = np.bincount(groups, fit.point.x[:zones]) / np.bincount(groups)
+    ended = _ended(problem, Begun(np.concatenate([means, fit.point.x[zones:]]), fit.early_chi2), sparse=sparse)
+    if ended is None:
+        return None
+    vague = np.broadcast_to(fit.vague, zones)
+    return replace(ended, vague=np.array([vague[groups == group].max() for group in range(problem.zones)]))
 
 
 def from_priors(fit: Fit, *, sparse: bool) -> list[Fit]:

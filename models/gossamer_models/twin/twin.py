@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from functools import cached_property, partial
 from typing import Literal, TypeAlias
 
@@ -31,7 +30,7 @@ from .nuisances import BY_DEFAULT, FACTORS, NAMES, OF_MOTION, OF_SENSOR, SENSOR,
 from .problem import RecordProblem
 from .reasons import likely_reason
 from .record import PASSING, ResponseRecord, StaticRecord, Wiring, best_wiring, dead_sensors, less_healthy, other_wirings
-from .search import Fit, again, begun, elsewhere, from_priors, misfit, search, side_by_side
+from .search import Fit, again, begun, elsewhere, from_priors, in_groups, misfit, search, side_by_side
 from .second_look import Parted, parted
 from .simulation import SensedForward
 from .unknowns import DamageUnknowns
@@ -199,8 +198,7 @@ class Twin:
         doubts += looked
         if not fit.passes:
             wider = self._problem(record, report, fit.problem.groups, wider=True, noise=fit.problem.noise)
-            wider = wider.like(fit.problem, fit.point)
-            doubts[:0] = [reason] if (reason := likely_reason(fit, wider)) else []
+            doubts[:0] = [reason] if (reason := likely_reason(fit, wider.like(fit.problem))) else []
         return self._answer(fit, doubts, wiring, unresolved)
 
     def _looked(self, record: ResponseRecord, fit: Fit, report: Progress) -> tuple[Fit, list[str], tuple[int, ...]]:
@@ -208,12 +206,11 @@ class Twin:
         unresolved = untold_zones(fit)
         groups = alike(without_nuisances(fit.model.A, self.zones))
         if fit.passes and groups.max() + 1 < self.zones:  # those that the record cannot tell apart have one damage
-            whole = self._problem(record, report, groups, noise=fit.problem.noise).like(fit.problem, fit.point)
-            means = np.bincount(groups, fit.point.x[: self.zones]) / np.bincount(groups)
-            together, _ = search([whole], sparse=self.sparse, given=means)
-            vague = np.broadcast_to(fit.vague, self.zones)
-            largest = np.array([vague[groups == group].max() for group in range(groups.max() + 1)])
-            fit = replace(together, vague=largest) if together.passes else fit
+            whole = self._problem(record, report, groups, noise=fit.problem.noise)
+            together = in_groups(fit, whole.like(fit.problem), sparse=self.sparse)
+            if together is not None and fit.problem.added is not None and (finer := self._finer(record, whole.components)):
+                together = corrected(together, *finer, whole.noise, sparse=self.sparse, simulated=False)
+            fit = together if together is not None and together.passes else fit
         if self._parted is None or isinstance(record, StaticRecord):
             return fit, [], unresolved
         return *self._parted.look(fit, sparse=self.sparse), unresolved

@@ -137,6 +137,9 @@ class Added:
         found[rows] = self.slopes[moving]
         return found
 
-    def at(self, x: Vector) -> Added:
-        """Return what is added at unknowns, for others than these."""
-        return Added(self.to(x[None])[0], x, self.moving[:0], self.slopes[:0])
+    def of(self, others: Matrix) -> Added:
+        """Return what is added at unknowns that are others times a matrix, as a function of these, shape (size, others)."""
+        moves = others[self.moving]
+        moving = np.flatnonzero(moves.any(axis=0))
+        start = self.strain - np.tensordot(self.x[self.moving], self.slopes, 1)
+        return Added(start, np.zeros(others.shape[1]), moving, np.tensordot(moves[:, moving].T, self.slopes, 1))

@@ -120,15 +120,18 @@ def zone_charts(judged: DamageHistory, steps: list[tuple[float, int, int]]) -> l
 
 
 def _cells(judged: DamageHistory, k: int, known: int) -> list[Trace]:
-    """Return the zones as cells: number, estimate, standard deviation, and the true damage where there is some."""
+    """Return the zones as cells: number, estimate with deviation or bounds alone, and the true damage if there is some."""
     side, valid = judged.side, k < 0 or bool(judged.valid[k])
     true = judged.true[known] if known >= 0 else None
     values = judged.estimated[k] if k >= 0 else true if not judged.time.size else None
     texts = []
     for z in range(judged.zones):
-        bar = k >= 0 and np.isfinite(judged.deviation[k, z])
-        parts = [f"<i>{z + 1}</i>", "–" if values is None else f"<b>{values[z]:.1f}</b>"]
-        parts += [f"± {judged.deviation[k, z]:.1f}"] if bar else []
+        parts = [f"<i>{z + 1}</i>"]
+        if k >= 0 and not judged.run.ended[k].determined[z]:
+            parts += [judged.run.ended[k].bounds(z)]
+        else:
+            parts += ["–" if values is None else f"<b>{values[z]:.1f}</b>"]
+            parts += [f"± {judged.deviation[k, z]:.1f}"] if k >= 0 and np.isfinite(judged.deviation[k, z]) else []
         parts += [f"true {true[z]:.0f}"] if true is not None and judged.time.size and true[z] > 0.0 else []
         texts.append("<br>".join(parts))
     shown = np.zeros(judged.zones) if values is None else values
@@ -150,7 +153,8 @@ def _map(judged: DamageHistory, steps: Stages) -> Chart:
     if judged.time.size:
         beside = ", and the true damage where there is some" if judged.true.size else "; the true damage is not recorded"
         grey = "" if judged.valid.all() else " A judgement that is not valid is grey."
-        title, note = "Damage of the zones [%]", f"Zone number, estimate, standard deviation{beside}.{grey}"
+        rough = " (or bounds, where that is above 2)" * judged.sure
+        title, note = "Damage of the zones [%]", f"Zone number, estimate, standard deviation{rough}{beside}.{grey}"
     else:
         title, note = "True damage of the zones [%]", "Zone number and damage."
     text = "Map of the damage of every zone; the table of damage in numbers holds the last judgement."
