@@ -81,8 +81,12 @@ class Watching(Saved):
             console.print(text, style="bold red", highlight=False)
         if (found := judged.finding) is None:
             return
+        before = self.findings[-1].damage if self.findings else 0.0
         (self.findings if found.valid else self.withheld).append(found)
-        if found.valid:
+        if found.valid and not (found.damage > before).any():
+            text = f"The alarm at t = {self.alarms[-1]:.4f} s is taken back: one window later no zone has more damage."
+            console.print(text, highlight=False)
+        elif found.valid:
             print_tables(console, [_table(found)])
         else:
             text = f"No damage explains the readings: chi2 per sample stays {found.chi2_per_sample:.3g}. Zones are withheld."
@@ -104,7 +108,7 @@ class Watching(Saved):
 
     @property
     def explained(self) -> bool:
-        """Whether the twin explains the last window, and the readings after each alarm."""
+        """Whether the twin explains every window, and the readings after each alarm."""
         from gossamer_orchestrator.results.files import is_explained
 
         return is_explained(self.content)
@@ -161,10 +165,16 @@ class Watching(Saved):
 
     def more(self) -> list[str]:
         """Return which damage is seen, and a reason for doubt, if the twin does not explain the readings."""
+        from gossamer_orchestrator.results.files import unexplained
         from gossamer_orchestrator.results.verdict import sight
 
-        where = "what followed an alarm" if self.withheld else "the last window"
-        worst = self.withheld[-1].chi2_per_sample if self.withheld else self.misfits[-1]
+        lost, where, worst = unexplained(self.content), "what followed an alarm", 0.0
+        if self.withheld:
+            worst = self.withheld[-1].chi2_per_sample
+        elif lost:
+            last = max(lost, key=lambda k: self.misfits[k])
+            where, worst = f"{len(lost)} of {counted(len(self.times), 'window')}", self.misfits[last]
+            where += f", worst the one that ended at t = {self.times[last]:.4g} s"
         doubt = (
             f"The twin does not explain {where}: chi2 per sample is {worst:.3g}. Check load, "
             "damping, sensors and noise. Where there may be damage from the beginning, use 'gossamer twin'."
@@ -334,6 +344,8 @@ def watch(
             bar.update(done, len(firsts), f"{done} of {len(firsts)} windows,", FITTING if seen.alarmed else "")
             seen.take(twin.advance(*_window(found.record, first, samples)), console)
         bar.update(len(firsts), text=f"{len(firsts)} windows,")
+    if rest := found.record.samples - samples * len(firsts):
+        console.print(f"The last {counted(rest, 'sample')} fill no window and are not judged.", highlight=False)
     seen.end(console)
     return seen
 

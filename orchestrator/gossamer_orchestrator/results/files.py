@@ -188,10 +188,19 @@ def read_watch(folder: Path) -> dict[str, Any] | None:
     return content if isinstance(content, dict) else None
 
 
+def unexplained(watched: Mapping[str, Any]) -> list[int]:
+    """List the windows, from 0, that the twin does not explain, but for those that raised an alarm and the ones after them.
+
+    After those it has taken up what began, or has found that no damage explains it.
+    """
+    times, alarms = watched.get("time", []), set(watched.get("alarms", []))
+    begun = {k + after for k, time in enumerate(times) if time in alarms for after in (0, 1)}
+    return [k for k, misfit in enumerate(watched.get("misfit", [])) if misfit > LARGE and k not in begun]
+
+
 def is_explained(watched: Mapping[str, Any]) -> bool:
-    """Tell whether the twin explains the last window that it watched, and what followed each alarm."""
-    misfit = watched.get("misfit", [])
-    return bool(misfit) and misfit[-1] <= LARGE and not watched.get("withheld")
+    """Tell whether the twin explains every window that it watched, and what followed each alarm."""
+    return bool(watched.get("misfit")) and not watched.get("withheld") and not unexplained(watched)
 
 
 def sees_enough(watched: Mapping[str, Any]) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import pickle
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,15 +13,18 @@ import pytest
 from command_line import invoke
 from gossamer import LiveWatch
 from gossamer.records import find_in_results
+from gossamer.watching import Watching
 from gossamer_models.batch import Batch
 from gossamer_models.membrane import membrane_model, square_structure
-from gossamer_models.twin import Window
+from gossamer_models.twin import DamageOnset, Window
 from gossamer_orchestrator import Recorder, Simulation, load_scenario, make_plan
 from gossamer_orchestrator.results.dataset import make_dataset
 from gossamer_orchestrator.scenario.schema import Recording
 from gossamer_orchestrator.scenario.source import shipped_scenarios
+from rich.console import Console
 
 STEP, ONSET = 3e-4, 0.2104
+ONE = np.ones(1)
 # coarse, so that a window costs little; twin and truth have the same
 MESH = ["--elements-per-side", "4", "--order", "1"]
 
@@ -52,6 +56,7 @@ def test_an_alarm_is_printed_and_the_finding_written(record):
     assert "ALARM" in result.stderr
     assert f"The page of the run shows it: type 'gossamer view {record.parent}'." in " ".join(result.stderr.split())
     found = json.loads(Path(result.stdout.strip()).read_text(encoding="utf-8"))
+    assert "samples fill no window and are not judged." in result.stderr
     assert len(found["alarms"]) == 1
     assert 0.0 < found["alarms"][0] - ONSET < 0.1
     (finding,) = found["findings"]
@@ -77,6 +82,36 @@ def test_what_no_new_damage_explains_has_an_alarm_and_no_zones(record, tmp_path)
     found = json.loads((tmp_path / "watch.json").read_text(encoding="utf-8"))
     assert found["alarms"]
     assert found["findings"] == []
+
+
+def test_a_window_between_others_that_the_twin_does_not_explain_is_not_passed_over(tmp_path):
+    def after(*misfits, alarm=None):
+        seen = Watching(files=[tmp_path / "watch.json"], zones=("rim",))
+        for k, misfit in enumerate(misfits):
+            seen.take(
+                Window(time=k + 1.0, evidence=ONE, sees=0.01 * ONE, alarm=k == alarm, misfit=misfit), Console(quiet=True)
+            )
+        return seen
+
+    assert after(1.0, 1.0, 1.0).exit_code() == after(1.0, 9.0, 3.0, 1.0, alarm=1).exit_code() == 0
+    lost = after(1.0, 5.0, 9.0, 1.0)
+    assert lost.exit_code() == 3
+    assert (
+        "The twin does not explain 2 of 4 windows, worst the one that ended at t = 3 s: chi2 per sample is 9."
+        in lost.more()[1]
+    )
+
+
+def test_an_alarm_that_is_taken_back_is_said_to_be(tmp_path, capsys):
+    seen, console = Watching(files=[tmp_path / "watch.json"], zones=("rim",)), Console(width=120)
+    judged = Window(time=1.0, evidence=2.0 * ONE, sees=0.01 * ONE, alarm=True, misfit=1.0)
+    seen.take(judged, console)
+    nothing = DamageOnset(
+        zones=("rim",), onset=0.5, onset_deviation=0.1, damage=0.0 * ONE, deviation=0.0 * ONE, chi2_per_sample=1.0
+    )
+    seen.take(replace(judged, time=2.0, alarm=False, finding=nothing), console)
+    assert "The alarm at t = 1.0000 s is taken back: one window later no zone has more damage." in capsys.readouterr().out
+    assert seen.exit_code() == 0
 
 
 @pytest.mark.parametrize(
