@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
@@ -54,6 +55,8 @@ class Watching(Saved):
         End of each window [s], and chi2 per sample [1].
     scores, sights : list of ndarray, shape (zones,)
         Of each window: score of new damage in each zone, over what raises an alarm [1], and the damage that would [1].
+    without : list of tuple of int
+        Of each window the sensors, from 1, whose readings are left out, all or some.
     see : float
         Damage that has to be seen in every zone [1].
     """
@@ -67,10 +70,17 @@ class Watching(Saved):
     scores: list[Vector] = field(default_factory=list)
     sights: list[Vector] = field(default_factory=list)
     misfits: list[float] = field(default_factory=list)
+    without: list[tuple[int, ...]] = field(default_factory=list)
     TABLES = "told"
 
     def take(self, judged: Window, console: Console) -> None:
         """Keep what a window says, and print an alarm or a finding."""
+        for k in sorted({*judged.without} ^ {*chain(*self.without[-1:])}):
+            what = (
+                "has readings that move again" if k not in judged.without else "has no readings that move, and is left out"
+            )
+            console.print(f"t = {judged.time:.4f} s: sensor {k} {what}", highlight=False)
+        self.without.append(judged.without)
         self.misfits.append(judged.misfit)
         self.times.append(judged.time)
         self.scores.append(judged.evidence)

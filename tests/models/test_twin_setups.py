@@ -225,6 +225,19 @@ def test_loads_of_a_table_are_in_the_units_of_the_membrane(dish, tmp_path):
     assert (from_rest.samples, from_rest.start) == (100, {})
 
 
+@pytest.mark.parametrize("what", ["the load stops", "rows are missing"])
+def test_a_record_ends_where_its_loads_are_not_known(dish, tmp_path, caplog, what):
+    rows = [f"{k * STEP},{k},{k % 7 / 1e4}" for k in range(201)]
+    if what == "the load stops":
+        rows[101:] = [f"{k * STEP},,{k % 7 / 1e4}" for k in range(101, 201)]
+    else:
+        del rows[101:107], rows[50:54]  # 6 of them, and before that 4, in which the load is straight
+    record = read_table(write(tmp_path / "r.csv", rows, "time,pressure [Pa],strain[2]"), structure=dish)
+    assert record.samples == 100
+    np.testing.assert_allclose(record.inputs["pressure"], np.arange(1.0, 101.0))
+    assert f"the loads are not known after t = {100 * STEP:g} s (line " in caplog.text
+
+
 @pytest.mark.parametrize(
     ("head", "message"),
     [

@@ -10,6 +10,7 @@ from gossamer_models.membrane import membrane_model, square_structure
 from gossamer_models.sensor import default_artifact, sensor_model
 from gossamer_models.twin import MembraneForward
 from gossamer_models.twin.evidence import Evidence
+from gossamer_models.twin.record import still_sensors
 from gossamer_models.twin.simulation import SensedForward
 from gossamer_models.twin.watch import SURE, Watch
 from scipy.special import chdtri
@@ -175,6 +176,24 @@ def test_missing_readings_are_left_out():
     readings[:, 2 * SAMPLES : 3 * SAMPLES] = np.nan
     (finding,) = (window.finding for window in windows(Watch(NOISE, SQUARE), readings) if window.finding)
     assert finding.damage == pytest.approx(0.3 * np.eye(16)[5], abs=0.03)
+
+
+@pytest.mark.parametrize(("begin", "end", "without"), [(400, 1503, [2, 3, 4, 5, 6, 7, 8]), (400, 600, [2, 3])])
+def test_a_sensor_that_repeats_one_reading_is_left_out_until_it_moves_again(begin, end, without):
+    readings = noisy(strains(0.0, 1, 0.0), 1)
+    readings[2, begin:end] = readings[2, begin]
+    seen = windows(Watch(NOISE, SQUARE, step=STEP), readings)
+    assert not any(window.alarm for window in seen)
+    assert [k for k, window in enumerate(seen) if window.without] == without
+    assert {sensor for window in seen for sensor in window.without} == {3}
+    assert max(window.misfit for window in seen) < 1.5
+
+
+def test_what_does_not_move_while_nothing_does_is_a_reading():
+    values = np.zeros((2, 60))
+    assert not still_sensors(values).any()
+    values[0, 30:] = np.arange(1.0, 31.0)
+    assert still_sensors(values)[1].tolist() == [False] * 30 + [True] * 30
 
 
 @pytest.mark.parametrize("shape", [(3, 100), (4, 10), (100,)])

@@ -5,6 +5,7 @@ Symbols: ``t`` times [s] since the record began, ``h`` step of the grid [s].
 
 from __future__ import annotations
 
+import logging
 import re
 from collections.abc import Mapping
 from difflib import get_close_matches
@@ -30,7 +31,10 @@ CLOCKS = ("time", "date")  # how names of columns begin that are no loads
 OFF_GRID = 0.05  # of a step: how far a time may lie from the grid
 SAME = 1e-9  # of the size of a load: how far the rows of a state may differ
 LONGEST = 1_000_000  # samples
+MOST_LOST = 5  # samples in which loads are taken to be straight
 Beginning: TypeAlias = Literal["rest", "equilibrium"]
+
+logger = logging.getLogger(__name__)
 
 
 def read_table(
@@ -47,8 +51,9 @@ def read_table(
     path : Path
         File. A unit stands after a name, ``strain[1] [%]``, or in a row below; without one, values are in s, 1 or ohm.
         Timestamps are counted from the first one. Empty cells and missing rows are gaps; a sensor without a column is left
-        out. Columns with the names of the membrane's inputs are loads and need a unit. With a column ``state`` each row is a
-        reading at rest under its loads; rows of one name are readings of one state.
+        out. Columns with the names of the membrane's inputs are loads and need a unit; where they stop, or more than 5 rows
+        are missing, the record ends. With a column ``state`` each row is a reading at rest under its loads; rows of one name
+        are readings of one state.
     kind : {"strain", "resistance"} or None
         Which columns to take; None for the only ones there are.
     noise : float or None
@@ -67,7 +72,8 @@ def read_table(
     structure = square_structure() if structure is None else structure
     count, units = structure.n_sensors, input_units(structure)
     measured = read_columns(path, lambda header, line: _choose(path, header, line, kind, count, units), unreadable="gap")
-    values, loads = np.full((count, len(measured.lines)), np.nan), _loads(measured, units)
+    values = np.full((count, len(measured.lines)), np.nan)
+    loads = _loads(measured, units, may_stop=not measured.texts)
     for column, row in zip(measured.columns, measured.values, strict=False):
         if column.what in KINDS:
             if column.what == "strain":
@@ -168,10 +174,10 @@ def _load_column(path: Path, line: int, cell: str, place: int, units: Mapping[st
     return Column(wanted=Wanted(what="value"), place=place, name=cell, unit=unit)
 
 
-def _loads(measured: Measured, units: Mapping[str, str]) -> dict[str, Vector]:
+def _loads(measured: Measured, units: Mapping[str, str], *, may_stop: bool = False) -> dict[str, Vector]:
     """Return the columns of loads by name."""
     columns = zip(measured.columns, measured.values, strict=False)
-    return {_load(c.name): _in_units(measured, c, row, units) for c, row in columns if c.what == "value"}
+    return {_load(c.name): _in_units(measured, c, row, units, may_stop=may_stop) for c, row in columns if c.what == "value"}
 
 
 def _time(measured: Measured) -> Vector:
@@ -181,9 +187,10 @@ def _time(measured: Measured) -> Vector:
     return time
 
 
-def _in_units(measured: Measured, column: Column, row: Vector, units: Mapping[str, str]) -> Vector:
-    """Return a load in the unit of the membrane; refuse gaps."""
-    if not np.isfinite(row).all():
+def _in_units(measured: Measured, column: Column, row: Vector, units: Mapping[str, str], *, may_stop: bool) -> Vector:
+    """Return a load in the unit of the membrane, not a number where it has stopped; refuse gaps."""
+    end = row.size - int(np.argmax(np.isfinite(row[::-1]))) if may_stop else row.size
+    if not np.isfinite(row[:end]).all():
         at = measured.lines[int(np.argmin(np.isfinite(row)))]
         msg = f"{measured.path}, line {at}: the load {column.name!r} has no value. Fill it in, or remove the row."
         raise DataError(msg)
@@ -252,7 +259,8 @@ def make_record(
     lines : ndarray of int or None
         Line of each sample in a file, for messages.
     loads : mapping of str to ndarray of shape (n,), or None
-        Inputs of the membrane at these times; straight between them where samples are missing.
+        Inputs of the membrane at these times; straight between them where up to 5 samples are missing. The record ends where
+        more are, or where a load is not a number.
     settled : bool
         Whether the record begins with its first sample, in equilibrium under the loads there.
 
@@ -285,6 +293,14 @@ def make_record(
             "time from the moment that the load sets in."
         )
         raise DataError(msg)
+    known = np.isfinite(np.array([*loads.values()]).reshape(-1, time.size)).all(axis=0)
+    known[1:] &= (np.diff(place) <= MOST_LOST) | (not loads)
+    end = time.size if known.all() else int(np.argmin(known))
+    if end < time.size:
+        text = "%s: the loads are not known after t = %g s (%s), so the record ends there. Begin another one where they are."
+        logger.warning(text, source, time[end - 1], _place(end - 1, lines))
+    place, values = place[:end], values[:, :end]
+    loads = {name: load[:end] for name, load in loads.items()}
     grid = np.full((len(values), int(place[-1]) + 1), np.nan)
     grid[:, place] = values
     return ResponseRecord(

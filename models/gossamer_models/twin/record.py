@@ -21,6 +21,7 @@ from ..errors import DataError, require
 LEAST_SAMPLES = 60  # per sensor: fewer cannot tell the damages
 DIFFERENCES = 6  # order of the differences that show noise
 DEAD = 1e-9  # spread over magnitude of a sensor that does not move
+STILL = 20  # equal readings in a row of a sensor that has died while others move
 MOST_WIRINGS = 6  # pairs of swapped sensors that are looked into, and wrong ones
 PASSING = 3.0  # deviations of chi2 above the expected one: of a reading that fits, at most
 ALIKE = 0.02  # of a misfit: readings that fit equally well, as mirrored ones do
@@ -315,6 +316,15 @@ def dead_sensors(record: ResponseRecord) -> list[int]:
         if row.size < record.least_samples or still:
             dead.append(k)
     return dead
+
+
+def still_sensors(values: Matrix) -> Rows:
+    """Return where sensors repeat one reading 20 times or more while others move, shape (sensors, n)."""
+    found = np.zeros(values.shape, dtype=bool)
+    for k, row in enumerate(values):
+        lengths = np.diff(np.flatnonzero(np.r_[True, row[1:] != row[:-1], True]))  # gaps are no readings, and differ
+        found[k] = np.repeat(lengths >= STILL, lengths)
+    return np.asarray(found & ~found[np.isfinite(values).any(axis=1)].all(axis=0))
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property, partial
 from typing import Literal, TypeAlias
 
@@ -29,7 +30,17 @@ from .mesh_error import MeshError, MeshErrors
 from .nuisances import BY_DEFAULT, FACTORS, NAMES, OF_MOTION, OF_SENSOR, SENSOR, Loads, Nuisances, check_names, possible
 from .problem import RecordProblem
 from .reasons import likely_reason
-from .record import PASSING, ResponseRecord, StaticRecord, Wiring, best_wiring, dead_sensors, less_healthy, other_wirings
+from .record import (
+    PASSING,
+    ResponseRecord,
+    StaticRecord,
+    Wiring,
+    best_wiring,
+    dead_sensors,
+    less_healthy,
+    other_wirings,
+    still_sensors,
+)
 from .search import Fit, again, begun, elsewhere, from_priors, in_groups, misfit, search, side_by_side
 from .second_look import Parted, parted
 from .simulation import SensedForward
@@ -257,6 +268,10 @@ class Twin:
         doubts = [f"sensor {k + 1} does not move and is left out" for k in dead]
         doubts += [f"sensor {k + 1} has no values" for k in range(self.sensors) if k not in record.sensors]
         record = record.without(dead)
+        if not isinstance(record, StaticRecord) and (still := still_sensors(record.values)).any():
+            many = enumerate(still.sum(axis=1).tolist(), 1)
+            doubts += [f"sensor {k} repeats one reading, and {n} samples of it are left out" for k, n in many if n]
+            record = replace(record, values=np.where(still, np.nan, record.values))
         require(record.sensors, "no sensor has values that move. Check the columns and the wiring.", DataError)
         self._check(record)
         return record if self._healthy is None else less_healthy(record, self._healthy, self._undamaged(record)), doubts

@@ -25,6 +25,7 @@ from .forward import WORKERS, Forward, forward_of
 from .least_squares import MOST_DAMAGE, Minimum, Quadratic, descend
 from .nuisances import BEYOND, FACTORS, GAIN, Loads, Nuisances, possible
 from .onset import JudgedWindow, OnsetProblem, counted_from
+from .record import still_sensors
 from .sensor_error import LastingError
 from .simulation import Place, SensedForward
 from .weights import RecordWeights
@@ -92,6 +93,8 @@ class Window:
         Chi2 per sample of the readings about the twin's prediction.
     finding : DamageOnset or None
         Onset and damages, at the end of the window after an alarm.
+    without : tuple of int
+        Sensors, from 1, without readings, or that repeat one reading while others move: these readings are left out.
     """
 
     time: float
@@ -100,6 +103,7 @@ class Window:
     alarm: bool
     misfit: float
     finding: DamageOnset | None = None
+    without: tuple[int, ...] = ()
 
     @property
     def statistic(self) -> float:
@@ -194,7 +198,7 @@ class Watch:
         ----------
         readings : array_like, shape (sensors, n)
             Strain [1] or resistance [ohm], a column per step; n may differ from window to window. Not a number where a
-            reading is missing.
+            reading is missing. A sensor that repeats one reading while others move is left out there.
         loads : mapping of str to ndarray of shape (n,)
             Inputs of the membrane at the readings, by name; the same in every window.
 
@@ -210,7 +214,7 @@ class Watch:
         ConvergenceError
             The simulation has failed.
         """
-        y = np.asarray(readings, dtype=float)
+        y = np.array(readings, dtype=float)
         sensors, zones = len(self._sigma), len(self.zones)
         if y.ndim != 2 or y.shape[0] != sensors or y.shape[1] < zones + sensors:
             msg = (
@@ -218,6 +222,8 @@ class Watch:
                 f"{y.shape}"
             )
             raise DataError(msg)
+        y[still := still_sensors(y)] = np.nan
+        without = tuple((1 + np.flatnonzero(still.any(axis=1) | np.isnan(y).all(axis=1))).tolist())
         known, n = loads or {}, y.shape[1]
         wanted = self._loads if self._place else tuple(name for name in known if name in self._sensed.forward.inputs)
         if set(known) != set(wanted):
@@ -288,7 +294,9 @@ class Watch:
             self._scores += [float(self._evidence.scores.mean())] * (len(self._scores) < SETTLED)
             self._z, self._place = self._z + moves, after.moved_along(moves / MOVED)
             self._evidence.recentre(moves)
-        return Window(time=self._time, evidence=evidence, sees=sees, alarm=alarm, misfit=misfit, finding=finding)
+        return Window(
+            time=self._time, evidence=evidence, sees=sees, alarm=alarm, misfit=misfit, finding=finding, without=without
+        )
 
     def _kept(self) -> Rows:
         """Tell which onsets are kept: all of the last windows, and the first of one in 2, 4, 8 earlier ones."""
