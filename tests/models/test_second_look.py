@@ -139,6 +139,18 @@ def test_colour_of_noise_that_is_not_given_is_estimated_and_said(forward):
     assert abs(answer.damage[5] - 0.3) < 3.0 * answer.deviation[5]
 
 
+def test_noise_that_is_many_times_what_is_seen_of_it_is_no_hopeless_record():
+    """Sixth differences see so little of it that the search gives up at chi2 of 900 per sample."""
+    square, damage = square_structure(4, 2), np.where(np.arange(16) == 5, 0.3, 0.0) + np.where(np.arange(16) == 10, 0.4, 0.0)
+    values = MembraneForward(square).strain(damage[None], {}, {}, STEPS, STEP)[0]
+    white = np.random.default_rng(1).standard_normal(values.shape)
+    values += 6e-3 * lfilter([np.sqrt(1.0 - 0.9**2)], [1.0, -0.9], white)
+    answer = Twin(square, discrepancy=None).fit(ResponseRecord(step=STEP, values=values))
+    assert answer.valid
+    np.testing.assert_allclose(answer.record.follows, 0.9, atol=0.04)
+    assert np.abs(answer.damage - damage).max() < 0.02
+
+
 def test_load_that_is_not_known_is_no_coloured_noise(forward):
     """Its error is as slow as noise may be, and as alike in neighbouring samples."""
     values = forward.strain(np.zeros((1, 16)), {"pressure_amplitude": np.full(1, 1.1e4)}, {}, STEPS, STEP)[0]

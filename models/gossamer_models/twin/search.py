@@ -153,7 +153,7 @@ def search(stages: Sequence[RecordProblem], *, sparse: bool, one_valley: bool = 
     chi2 of what passes is above the expected one, or without early stages, which have fewer valleys.
     """
     whole, ends, going = stages[-1], list[Fit](), list[Begun]()
-    start, ended = partial(begun, stages[:-1], one_valley=one_valley), partial(_ended, whole, sparse=sparse)
+    start, follow = partial(begun, stages[:-1], one_valley=one_valley), partial(ended, whole, sparse=sparse)
     few, healthy = FEW_SENSORS * len(whole.record.sensors) < whole.zones, np.zeros(whole.size)
 
     def doubtful() -> bool:
@@ -165,10 +165,10 @@ def search(stages: Sequence[RecordProblem], *, sparse: bool, one_valley: bool = 
     if first is not None and first.far and not hopeless:
         going.append(first)
     elif first is not None:
-        ends += filter(None, [ended(first)])
+        ends += filter(None, [follow(first)])
     early = bool(ends)
     if sparse and not hopeless and doubtful():
-        ends += filter(None, [ended(Begun(healthy, kept=np.arange(whole.size) >= whole.zones))])
+        ends += filter(None, [follow(Begun(healthy, kept=np.arange(whole.size) >= whole.zones))])
     if not hopeless and doubtful():
         others = _others(stages[0])[: MOST_STARTS if stages[:-1] else MORE_STARTS]
         going += filter(None, side_by_side(start, others))
@@ -177,7 +177,7 @@ def search(stages: Sequence[RecordProblem], *, sparse: bool, one_valley: bool = 
         lower = [each for each in going if each.reached <= min(reached, lowest)]
         if not early and all(each.far for each in going):
             lower = [replace(each, hopeless=True) for each in lower[:1]]
-        ends += filter(None, side_by_side(ended, lower))
+        ends += filter(None, side_by_side(follow, lower))
     if not ends:
         msg = "the twin's membrane fails from every start. Check its parameters and the load."
         raise ConvergenceError(msg)
@@ -234,7 +234,7 @@ def begun(stages: Sequence[RecordProblem], x: Vector, *, one_valley: bool, most:
     return found
 
 
-def _ended(whole: RecordProblem, start: Begun, *, sparse: bool, rounds: int = ROUNDS, rivals: bool = True) -> Fit | None:
+def ended(whole: RecordProblem, start: Begun, *, sparse: bool, rounds: int = ROUNDS, rivals: bool = True) -> Fit | None:
     """Return the fit of the whole record from there, or None if the simulation fails.
 
     With as many rounds of scales, and with sets of zones that may be as good, if asked.
@@ -258,19 +258,19 @@ def again(
 
     Of one that is hopeless a few steps are followed.
     """
-    ended = _ended(problem, replace(fit.end, hopeless=hopeless), sparse=sparse, rounds=rounds, rivals=rivals)
-    return fit if ended is None else replace(ended, vague=fit.vague)
+    end = ended(problem, replace(fit.end, hopeless=hopeless), sparse=sparse, rounds=rounds, rivals=rivals)
+    return fit if end is None else replace(end, vague=fit.vague)
 
 
 def in_groups(fit: Fit, problem: RecordProblem, *, sparse: bool) -> Fit | None:
     """Return the fit of a problem whose groups of zones have one damage, from the means of another fit; None if it fails."""
     groups, zones = problem.groups, fit.problem.zones
     means = np.bincount(groups, fit.point.x[:zones]) / np.bincount(groups)
-    ended = _ended(problem, Begun(np.concatenate([means, fit.point.x[zones:]]), fit.early_chi2), sparse=sparse)
-    if ended is None:
+    end = ended(problem, Begun(np.concatenate([means, fit.point.x[zones:]]), fit.early_chi2), sparse=sparse)
+    if end is None:
         return None
     vague = np.broadcast_to(fit.vague, zones)
-    return replace(ended, vague=np.array([vague[groups == group].max() for group in range(problem.zones)]))
+    return replace(end, vague=np.array([vague[groups == group].max() for group in range(problem.zones)]))
 
 
 def from_priors(fit: Fit, *, sparse: bool) -> list[Fit]:
@@ -283,7 +283,7 @@ def from_priors(fit: Fit, *, sparse: bool) -> list[Fit]:
     zones = fit.problem.zones
     if not fit.passes or fit.off < APART:
         return []
-    other = _ended(fit.problem, Begun(_unknowns(fit.problem, fit.point.x[:zones]), fit.early_chi2), sparse=sparse)
+    other = ended(fit.problem, Begun(_unknowns(fit.problem, fit.point.x[:zones]), fit.early_chi2), sparse=sparse)
     return [] if other is None or not elsewhere(other, fit) else [other]
 
 

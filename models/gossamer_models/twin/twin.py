@@ -41,7 +41,7 @@ from .record import (
     other_wirings,
     still_sensors,
 )
-from .search import Fit, again, begun, elsewhere, from_priors, in_groups, misfit, search, side_by_side
+from .search import Fit, again, begun, elsewhere, ended, from_priors, in_groups, misfit, search, side_by_side
 from .second_look import Parted, parted
 from .simulation import SensedForward
 from .unknowns import DamageUnknowns
@@ -57,6 +57,7 @@ ESTIMATES, SAME_NOISE = 4, 0.9  # of noise from what a fit leaves, while it fall
 OVERRATED, CLEAN = -2.0, 0.1
 HIDES = 0.5  # of the noise: where the error of the mesh is larger, a finer one is simulated at the fit
 COLOURED = 100.0  # chi2 per sample up to which noise may be coloured: what is slow leaves so much of what is fast
+LOUD = 10.0  # chi2 per sample of a search with louder noise, up to which that may be the noise
 FLOOR = 3.0  # times the noise: no search takes the mesh for more exact, before a finer one is simulated
 LEFT = {"strain": 0.15, "resistance": 0.3}  # of the error of the thesis' square: measured of order 8 by pairs of order 12
 WIRED = 20.0  # of chi2: what another wiring of a record that fits must explain, or another end of a search, to stand alone
@@ -190,9 +191,10 @@ class Twin:
                 doubts.append(wiring.doubt)
             else:
                 wiring = None
-        white, (fit, looked, unresolved) = fit, self._looked(record, fit, report)
+        first, (fit, looked, unresolved) = fit, self._looked(record, fit, report)
         unknown = record.noise is None and not isinstance(record, StaticRecord)
-        if unknown and not fit.passes and fit.per_sample < COLOURED:
+        white = self._louder(record, first, report) if unknown and not fit.passes else None
+        if white is not None:
             anew, weighed = partial(self._searched, report=report), self._weighed
             known, other, others = in_colour(record, white, self._forward.period, anew, weighed)
             if other is not white:
@@ -362,6 +364,23 @@ class Twin:
                 finer = self._finer(record, problem.components)
             fit = self._weighed(record, noise, fit) if finer is None else ending(fit, *finer, noise)
         return fit
+
+    def _louder(self, record: ResponseRecord, fit: Fit, report: Progress) -> Fit | None:
+        """Return the fit that may tell the colour of the noise: one that is not far off, or another with as much noise.
+
+        A search gives up early where the noise is many times what sixth differences see of it. Another one begins with the
+        noise that the first stage leaves. None if that does not explain the record either.
+        """
+        if fit.per_sample < COLOURED:
+            return fit
+        if not math.isfinite(fit.early_chi2):
+            return None
+        stages = [self._problem(record, report, samples=samples) for samples in [*self._early_samples(record), None]]
+        noise = stages[0].noise * math.sqrt(fit.early_chi2 / stages[0].values)
+        stages = [stage.under(noise) for stage in stages]
+        start = begun(stages[:-1], np.zeros(stages[0].size), one_valley=True)
+        louder = None if start is None or start.hopeless else ended(stages[-1], start, sparse=self.sparse)
+        return None if louder is None or louder.per_sample > LOUD else louder
 
     def _compared(self, record: ResponseRecord) -> int:
         """Return how many samples are compared: those that the discrepancy covers, or that do not take too many steps."""
