@@ -142,6 +142,7 @@ class Watching(Saved):
 
         content: dict[str, Any] = {"zones": self.zones, "alarms": self.alarms, "findings": self.findings}
         content |= {"misfit": self.misfits, "time": self.times, "score": self.scores, "withheld": len(self.withheld)}
+        content |= {"without": self.without}
         return {name: as_json(each) for name, each in (content | {"sees": self.sees, "see": self.see}).items()}
 
     @property

@@ -59,6 +59,7 @@ def test_an_alarm_is_printed_and_the_finding_written(record):
     assert "samples fill no window and are not judged." in result.stderr
     assert len(found["alarms"]) == 1
     assert 0.0 < found["alarms"][0] - ONSET < 0.1
+    assert found["without"] == [[]] * len(found["time"])
     (finding,) = found["findings"]
     assert finding["onset"] == pytest.approx(ONSET, abs=5e-4)
     assert finding["damage"] == pytest.approx(0.3 * np.eye(16)[5], abs=0.03)
