@@ -52,7 +52,7 @@ _log_of_errors = logging.getLogger(f"{__name__}.errors")  # to the file only: th
 
 def main(tokens: Sequence[str] | None = None) -> None:
     """Run the command line; exit with its code."""
-    words = list(sys.argv[1:] if tokens is None else tokens)
+    words = ["/dev/stdin" if word == "-" else word for word in (sys.argv[1:] if tokens is None else tokens)]
     style = os.environ.get(STYLE)
     os.environ[STYLE] = DASHES  # processes that this one starts write as it does
     try:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -106,6 +106,25 @@ def find_record(path: Path, options: TwinOptions, stop: float | None = None) -> 
         require(math.isfinite(stop), f"{option('stop')} is {stop:g}. Write a positive number.")
         found = replace(found, record=found.record.first(max(0, round(stop / found.record.step))))
     return found
+
+
+def find_arriving(pipe: Path, options: TwinOptions) -> Iterator[KnownRecord]:
+    """Read a table while it is written, in records that follow each other; options as of ``find_record``.
+
+    Raises
+    ------
+    OrchestratorError
+        An option makes no sense, or the noise is not given: what comes later would tell it.
+    """
+    from gossamer_models.membrane import square_structure
+    from gossamer_models.twin import read_arriving
+
+    require(options["noise"] is not None, f"lines that arrive do not tell their noise yet. State it with {option('noise')}.")
+    structure = _structure(options) or square_structure(options["elements_per_side"], options["order"])
+    parameters = _assigned(assigned(options["set"]), structure)
+    with pipe.open(encoding="utf-8") as lines:
+        for record in read_arriving(lines, options["kind"], options["noise"], structure, options["begins"]):
+            yield KnownRecord(record=record, structure=structure, parameters=parameters)
 
 
 def find_in_results(

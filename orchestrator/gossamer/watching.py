@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
@@ -16,7 +16,7 @@ from gossamer_orchestrator.words import counted
 
 from .arguments import AnyPath, File, command, expected_errors
 from .options import TwinOptions
-from .records import KnownRecord, beside, file_of, find_in_results, find_record
+from .records import KnownRecord, beside, file_of, find_arriving, find_in_results, find_record
 from .results import INVALID, Saved, as_png, print_tables, typed, zone_coordinates
 from .working import TERMINAL, keep_inputs, progress_bar, talk
 
@@ -310,7 +310,8 @@ def watch(
     Parameters
     ----------
     record
-        Results of a run (results.nc, results.csv or their folder), or a CSV file.
+        Results of a run (results.nc, results.csv or their folder), or a CSV file. Of a pipe, or - for the standard input,
+        lines are read as they arrive; then the noise has to be stated.
     window
         Length of a window [s]; by default the longest period of the membrane, 0.05 s of the square.
     false_alarms
@@ -334,31 +335,60 @@ def watch(
     On the command line::
 
         gossamer run damage_begins && gossamer watch out/damage_begins
+        tail -f -n +1 readings.csv | gossamer watch - --noise 0.0006
     """
     from gossamer_orchestrator.results.files import WATCH
 
     source = Path(record)
-    path = beside(source, WATCH) if out is None else Path(out)
+    live = source.exists() and not (source.is_file() or source.is_dir())  # a pipe
+    path = Path(out or (WATCH if live else beside(source, WATCH)))
     keep_inputs([file_of(source), options["sensor"]], [path])
     require(0.0 < see < 1.0, f"{option('see')} is {see:g}. Write a damage between 0 and 1, for instance 0.1.")
-    found = find_record(source, options)
+    parts = find_arriving(source, options) if live else iter([find_record(source, options)])
+    found = next(parts)
     samples = _samples(_period(found.structure, found.parameters) if window is None else window, found)
-    if 2 * samples > found.record.samples:
+    many = None if live else found.record.samples // samples
+    if many is not None and many < 2:
         msg = f"the record has {found.record.samples} samples, less than two windows of {samples}. Record longer."
         raise OrchestratorError(msg)
-    console, firsts = talk(), range(0, found.record.samples - samples + 1, samples)
+    console, rest = talk(), 0
     with progress_bar("watching") as bar:
         bar.update(aside="compiling")
         twin = _begin(found, false_alarms, options["sensor"])
         seen = Watching(files=[path], zones=twin.zones, see=see)
-        for done, first in enumerate(firsts):
-            bar.update(done, len(firsts), f"{done} of {len(firsts)} windows,", FITTING if seen.alarmed else "")
-            seen.take(twin.advance(*_window(found.record, first, samples)), console)
-        bar.update(len(firsts), text=f"{len(firsts)} windows,")
-    if rest := found.record.samples - samples * len(firsts):
-        console.print(f"The last {counted(rest, 'sample')} fill no window and are not judged.", highlight=False)
-    seen.end(console)
+        try:
+            for done, (readings, loads) in enumerate(_windows(chain([found], parts), samples)):
+                rest = readings.shape[1]
+                if rest == samples:
+                    text = f"{done} of {many} windows," if many else f"{done} windows,"
+                    bar.update(done if many else None, many, text, FITTING if seen.alarmed else "")
+                    seen.take(twin.advance(readings, loads), console)
+        finally:  # what arrives may make no sense: nothing that was seen before is lost
+            if seen.times:
+                bar.update(many, text=f"{len(seen.times)} windows,")
+                if rest % samples:
+                    console.print(f"The last {counted(rest, 'sample')} fill no window and are not judged.", highlight=False)
+                seen.end(console)
+    require(
+        seen.times, f"fewer samples arrived than the {samples} of a window. Let more arrive, or shorten {option('window')}."
+    )
     return seen
+
+
+def _windows(parts: Iterable[KnownRecord], samples: int) -> Iterator[tuple[Matrix, dict[str, Vector]]]:
+    """Yield the readings and the loads of each window of records that follow each other; the last one may be shorter."""
+    import numpy as np
+
+    values, loads = None, dict[str, Any]()
+    for part in parts:
+        record = part.record
+        values = record.values if values is None else np.hstack([values, record.values])
+        loads = {name: np.append(loads.get(name, ()), load) for name, load in record.inputs.items()}
+        while values.shape[1] >= samples:
+            yield values[:, :samples], {name: load[:samples] for name, load in loads.items()}
+            values, loads = values[:, samples:], {name: load[samples:] for name, load in loads.items()}
+    if values is not None and values.size:
+        yield values, loads
 
 
 def _period(structure: Structure | None, parameters: Mapping[str, float]) -> float:
@@ -393,7 +423,8 @@ def _begin(found: KnownRecord, false_alarms: float, sensor: AnyPath | None = Non
     import numpy as np
     from gossamer_models.twin import Watch
 
-    noise = np.nan_to_num(found.record.noise_deviation(), nan=1.0)
+    noise = found.record.noise_deviation()
+    noise = np.nan_to_num(noise, nan=np.nanmax(noise))  # of sensors without values, or none yet
     known = found.twin(sensor) | {"parameters": {**found.parameters, **found.record.start}}
     return Watch(noise, **known, step=found.record.step, false_alarms=false_alarms)
 

@@ -6,7 +6,7 @@ from gossamer_models import DataError, ParameterError
 from gossamer_models.membrane import Load, Region, Sensor, Setup, Support, Zone, make_structure, surface_mesh
 from gossamer_models.membrane.portable import read_structure, structure_text
 from gossamer_models.sensor import default_artifact
-from gossamer_models.twin import MembraneForward, ResponseRecord, StaticRecord, Twin, Watch, read_table
+from gossamer_models.twin import MembraneForward, ResponseRecord, StaticRecord, Twin, Watch, read_arriving, read_table
 from gossamer_models.twin.groups import alike, untold
 from gossamer_models.twin.nuisances import BY_DEFAULT
 from gossamer_models.twin.record import best_wiring, other_wirings
@@ -236,6 +236,29 @@ def test_a_record_ends_where_its_loads_are_not_known(dish, tmp_path, caplog, wha
     assert record.samples == 100
     np.testing.assert_allclose(record.inputs["pressure"], np.arange(1.0, 101.0))
     assert f"the loads are not known after t = {100 * STEP:g} s (line " in caplog.text
+
+
+def test_a_table_that_arrives_is_read_in_parts_that_are_the_whole(dish, tmp_path):
+    rows = [f"{k * STEP:.5f},{k % 11},{k % 7 / 1e4}" for k in range(511)]
+    lines = ["measured on a Friday\n", "time [s],pressure [Pa],strain[2]\n", *(f"{row}\n" for row in rows)]
+    (tmp_path / "r.csv").write_text("".join(lines))
+    whole = read_table(tmp_path / "r.csv", structure=dish)
+    parts = list(read_arriving(lines, noise=1e-4, structure=dish))
+    assert [part.samples for part in parts] == [117, 120, 120, 153]
+    assert parts[0].start == whole.start
+    np.testing.assert_array_equal(np.hstack([part.values for part in parts]), whole.values)
+    np.testing.assert_allclose(np.concatenate([part.inputs["pressure"] for part in parts]), whole.inputs["pressure"])
+
+
+def test_what_arrives_is_read_until_it_makes_no_sense(dish):
+    rows = [f"{k * STEP:.5f},{k % 11},{k % 7 / 1e4}\n" for k in range(400)]
+    head, wrong = "time [s],pressure [Pa],strain[2]\n", "0.1,1,abc\n"
+    parts = read_arriving([head, *rows[:300], wrong, *rows[301:]], noise=1e-4, structure=dish)
+    assert next(parts).samples == 118
+    with pytest.raises(DataError, match=r"what arrived after t = 0.238 s, line 64: 'abc' under 'strain\[2\]' is no number"):
+        list(parts)
+    with pytest.raises(DataError, match=r"the loads are not known after t = 0.011 s \(line 13\)"):
+        list(read_arriving([head, *rows[:250], *rows[280:]], noise=1e-4, structure=dish))
 
 
 @pytest.mark.parametrize(

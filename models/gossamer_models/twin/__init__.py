@@ -4,7 +4,7 @@ from .answer import Answer
 from .forward import Forward, MembraneForward
 from .mesh_error import MeshErrors
 from .nuisances import Loads, LoadTable, Nuisances
-from .reading import make_record, read_loads, read_table
+from .reading import make_record, read_arriving, read_loads, read_table
 from .record import ResponseRecord, StaticRecord
 from .twin import Twin
 from .watch import DamageOnset, Watch, Window
@@ -24,6 +24,7 @@ __all__ = [
     "Watch",
     "Window",
     "make_record",
+    "read_arriving",
     "read_loads",
     "read_table",
 ]

@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from difflib import get_close_matches
+from itertools import islice
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Literal, TypeAlias, cast
 
 import numpy as np
@@ -18,10 +20,10 @@ from gossamer_files.options import option
 from numpy.typing import NDArray
 
 from ..arrays import Matrix, Vector
-from ..errors import DataError
+from ..errors import DataError, require
 from ..membrane import Structure, square_structure
 from .nuisances import LoadTable
-from .record import ResponseRecord, StaticRecord
+from .record import LEAST_SAMPLES, ResponseRecord, StaticRecord
 
 KINDS = ("resistance", "strain")
 INDEXED = re.compile(r"(strain|resistance) ?\[(\d+)\](.*)")  # strain[1] [%]
@@ -31,6 +33,7 @@ CLOCKS = ("time", "date")  # how names of columns begin that are no loads
 OFF_GRID = 0.05  # of a step: how far a time may lie from the grid
 SAME = 1e-9  # of the size of a load: how far the rows of a state may differ
 LONGEST = 1_000_000  # samples
+PART = 120  # lines of a table that arrives, which are read together
 MOST_LOST = 5  # samples in which loads are taken to be straight
 Beginning: TypeAlias = Literal["rest", "equilibrium"]
 
@@ -69,6 +72,58 @@ def read_table(
     DataError
         The file cannot be read, lacks columns, or its times or values make no sense; the message names the line.
     """
+    return _record_of(path, kind, noise, structure, begins)[0]
+
+
+def read_arriving(
+    lines: Iterable[str],
+    kind: str | None = None,
+    noise: float | None = None,
+    structure: Structure | None = None,
+    begins: Beginning | None = None,
+) -> Iterator[ResponseRecord]:
+    """Read a table while it is written: records that follow each other, each from one step after the last sample before.
+
+    Parameters
+    ----------
+    lines : iterable of str
+        Lines of a CSV file in time, with their ends; a few hundred of them are kept. It ends where a load stops.
+    kind, noise, structure, begins : optional
+        As of ``read_table``.
+
+    Raises
+    ------
+    DataError
+        As of ``read_table``, with times and lines counted in what arrived last, below the header; or the step changes.
+    """
+    arriving, head, step, done = (line for line in lines if line.strip()), list[str](), 0.0, 0.0
+    waiting = list(islice(arriving, PART))
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "arriving.csv"
+        while True:
+            new = list(islice(arriving, PART))
+            waiting += new if len(new) < PART else []  # too few for a record of their own
+            path.write_text("".join([*head, *waiting]), encoding="utf-8")
+            try:
+                record, measured = _record_of(path, kind, noise, structure, "equilibrium" if head else begins)
+            except DataError as error:
+                msg = str(error).replace(str(path), f"what arrived after t = {done:g} s")
+                raise DataError(msg) from error
+            done += record.samples * record.step
+            step = step or record.step
+            msg = f"the step of what arrives was {step:g} s, and is {record.step:g} s now. Begin another record."
+            require(abs(record.step - step) < OFF_GRID * step, msg, DataError)
+            yield record
+            time = _time(measured)
+            if len(new) < PART or record.samples < round((time[-1] - time[0]) / step):  # the loads are not known any more
+                return
+            head, waiting = head or waiting[: measured.lines[0] - 1], [waiting[-1], *new]
+
+
+def _record_of(
+    path: Path, kind: str | None, noise: float | None, structure: Structure | None, begins: Beginning | None
+) -> tuple[ResponseRecord, Measured]:
+    """Read a record, and the table that it is made of."""
     structure = square_structure() if structure is None else structure
     count, units = structure.n_sensors, input_units(structure)
     measured = read_columns(path, lambda header, line: _choose(path, header, line, kind, count, units), unreadable="gap")
@@ -81,10 +136,10 @@ def read_table(
             values[_sensor(column.name)] = row
     found = next(column.what for column in measured.columns if column.what in KINDS)
     if measured.texts:
-        return _make_static(measured, values, loads, found, noise)
+        return _make_static(measured, values, loads, found, noise), measured
     time = _time(measured)
     settled = begins == "equilibrium" or (begins is None and bool(loads) and not structure.starts_in_plane)
-    return make_record(time, values, found, noise, str(path), measured.lines, loads, settled=settled)
+    return make_record(time, values, found, noise, str(path), measured.lines, loads, settled=settled), measured
 
 
 def read_loads(path: Path, structure: Structure) -> LoadTable:
@@ -297,8 +352,12 @@ def make_record(
     known[1:] &= (np.diff(place) <= MOST_LOST) | (not loads)
     end = time.size if known.all() else int(np.argmin(known))
     if end < time.size:
-        text = "%s: the loads are not known after t = %g s (%s), so the record ends there. Begin another one where they are."
-        logger.warning(text, source, time[end - 1], _place(end - 1, lines))
+        lost = (
+            f"{source}: the loads are not known after t = {time[end - 1]:g} s ({_place(end - 1, lines)}), so the record ends"
+        )
+        msg = f"{lost} there. Begin another one where they are."
+        require(place[end - 1] >= LEAST_SAMPLES, msg, DataError)
+        logger.warning("%s", msg)
     place, values = place[:end], values[:, :end]
     loads = {name: load[:end] for name, load in loads.items()}
     grid = np.full((len(values), int(place[-1]) + 1), np.nan)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import pickle
 import sys
 from dataclasses import replace
 from pathlib import Path
+from threading import Thread
 
 import numpy as np
 import pytest
@@ -63,6 +65,21 @@ def test_an_alarm_is_printed_and_the_finding_written(record):
     (finding,) = found["findings"]
     assert finding["onset"] == pytest.approx(ONSET, abs=5e-4)
     assert finding["damage"] == pytest.approx(0.3 * np.eye(16)[5], abs=0.03)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no named pipes in folders")
+def test_lines_that_arrive_give_the_alarms_of_the_finished_file(record, tmp_path):
+    noise = ["--noise", "5e-4"]
+    assert invoke(["watch", str(record), *MESH, *noise, "--out", str(tmp_path / "whole.json")]).exit_code == 0
+    os.mkfifo(tmp_path / "pipe")
+    writer = Thread(target=lambda: (tmp_path / "pipe").write_text(record.read_text()))
+    writer.start()
+    result = invoke(["watch", str(tmp_path / "pipe"), *MESH, *noise, "--out", str(tmp_path / "live.json")])
+    writer.join()
+    assert result.exit_code == 0, result.output
+    whole, live = (json.loads((tmp_path / f"{name}.json").read_text()) for name in ("whole", "live"))
+    assert live["alarms"] == whole["alarms"] != []
+    np.testing.assert_allclose(live["score"], whole["score"], rtol=1e-6)
 
 
 def test_a_watch_that_is_blind_to_what_it_has_to_see_says_so(record, tmp_path):
