@@ -185,7 +185,7 @@ class Watching(Saved):
         elif lost:
             last = max(lost, key=lambda k: self.misfits[k])
             where, worst = f"{len(lost)} of {counted(len(self.times), 'window')}", self.misfits[last]
-            where += f", worst the one that ended at t = {self.times[last]:.4g} s"
+            where += f",{' worst' * (len(lost) > 1)} the one that ended at t = {self.times[last]:.4g} s"
         doubt = (
             f"The twin does not explain {where}: chi2 per sample is {worst:.3g}. Check load, "
             "damping, sensors and noise. Where there may be damage from the beginning, use 'gossamer twin'."
@@ -367,7 +367,7 @@ def watch(
             if seen.times:
                 bar.update(many, text=f"{len(seen.times)} windows,")
                 if rest % samples:
-                    console.print(f"The last {counted(rest, 'sample')} fill no window and are not judged.", highlight=False)
+                    console.print(f"The last {counted(rest, 'sample')}, too few for a window: not judged.", highlight=False)
                 seen.end(console)
     require(
         seen.times, f"fewer samples arrived than the {samples} of a window. Let more arrive, or shorten {option('window')}."

@@ -26,10 +26,32 @@ def test_one_sensor_is_enough_for_one_damaged_zone(zone, sensor):
 
 
 def test_a_damage_as_large_as_the_twin_goes_is_no_answer():
-    square = square_structure(4, 1)
-    values = MembraneForward(square).strain(np.zeros((1, 16)), {}, {}, 400, STEP)[0]
+    square, damage = square_structure(4, 1), np.where(np.arange(16) == 3, 0.6, 0.0)
+    values = MembraneForward(square).strain(damage[None], {}, {}, 400, STEP)[0]
     fit, _ = Twin(square)._searched(ResponseRecord(step=STEP, values=values, noise=1e-4), lambda *_: None)
     assert fit.passes
     torn = replace(fit, point=replace(fit.point, x=np.where(np.arange(fit.kept.size) == 3, 0.945, fit.point.x)))
     assert not torn.passes
     assert torn.oddity == "damage of zone_4 is as large as the twin goes, 95 %, as in a false minimum"
+
+
+def test_a_fit_that_passes_is_taken_before_a_likelier_one_that_does_not():
+    """All zones together end at 95 % of one, with a smaller chi2 than the damaged zone alone."""
+    square, damage, noise = square_structure(4, 1), np.where(np.arange(16) == 0, 0.6, 0.0), 0.012
+    values = MembraneForward(square).strain(damage[None], {}, {}, 250, STEP)[0]
+    values += noise * np.random.default_rng(4).standard_normal(values.shape)
+    values[1:] = np.nan
+    answer = Twin(square).fit(ResponseRecord(step=STEP, values=values, noise=noise))
+    assert answer.valid
+    assert abs(answer.damage[0] - 0.6) < 2.0 * answer.deviation[0]
+
+
+def test_a_sensor_that_dies_early_is_left_out():
+    square, damage = square_structure(4, 1), np.where(np.arange(16) == 5, 0.3, 0.0)
+    values = MembraneForward(square).strain(damage[None], {}, {}, 300, STEP)[0]
+    values += 1e-3 * np.random.default_rng(4).standard_normal(values.shape)
+    values[2, 34:] = values[2, 33]
+    answer = Twin(square).fit(ResponseRecord(step=STEP, values=values))
+    assert answer.valid
+    assert answer.left_out == (3,)
+    assert abs(answer.damage[5] - 0.3) < 3.0 * answer.deviation[5]

@@ -231,7 +231,7 @@ def test_a_record_ends_where_its_loads_are_not_known(dish, tmp_path, caplog, wha
     if what == "the load stops":
         rows[101:] = [f"{k * STEP},,{k % 7 / 1e4}" for k in range(101, 201)]
     else:
-        del rows[101:107], rows[50:54]  # 6 of them, and before that 4, in which the load is straight
+        del rows[101:107], rows[50:55]  # 6 of them, and before that 5, in which the load is straight
     record = read_table(write(tmp_path / "r.csv", rows, "time,pressure [Pa],strain[2]"), structure=dish)
     assert record.samples == 100
     np.testing.assert_allclose(record.inputs["pressure"], np.arange(1.0, 101.0))

@@ -178,7 +178,10 @@ def test_missing_readings_are_left_out():
     assert finding.damage == pytest.approx(0.3 * np.eye(16)[5], abs=0.03)
 
 
-@pytest.mark.parametrize(("begin", "end", "without"), [(400, 1503, [2, 3, 4, 5, 6, 7, 8]), (400, 600, [2, 3])])
+@pytest.mark.parametrize(
+    ("begin", "end", "without"),
+    [(400, 1503, [2, 3, 4, 5, 6, 7, 8]), (400, 600, [2, 3]), (656, 1503, [3, 4, 5, 6, 7, 8]), (531, 683, [3, 4])],
+)
 def test_a_sensor_that_repeats_one_reading_is_left_out_until_it_moves_again(begin, end, without):
     readings = noisy(strains(0.0, 1, 0.0), 1)
     readings[2, begin:end] = readings[2, begin]
@@ -194,6 +197,8 @@ def test_what_does_not_move_while_nothing_does_is_a_reading():
     assert not still_sensors(values).any()
     values[0, 30:] = np.arange(1.0, 31.0)
     assert still_sensors(values)[1].tolist() == [False] * 30 + [True] * 30
+    values[0, 40:] = np.nan
+    assert still_sensors(values)[1].tolist() == [False] * 30 + [True] * 10 + [False] * 20  # where another one has readings
 
 
 @pytest.mark.parametrize("shape", [(3, 100), (4, 10), (100,)])

@@ -179,7 +179,7 @@ def answer_of(
     per_sample, bound = fit.per_sample, fit.chi2_bound
     said, valid = list(doubts), fit.passes and not hidden and (wiring is None or not wiring.moved)
     said += [fit.oddity] if fit.oddity else []
-    if not fit.passes:
+    if not fit.passes and (per_sample > bound or not fit.oddity):
         said.append(
             f"the twin does not explain the record: chi2 per sample is {per_sample:.3g}, its bound {bound:.3g}. Check "
             "load, damping, sensors and noise"

@@ -349,8 +349,9 @@ def make_record(
         )
         raise DataError(msg)
     known = np.isfinite(np.array([*loads.values()]).reshape(-1, time.size)).all(axis=0)
-    known[1:] &= (np.diff(place) <= MOST_LOST) | (not loads)
+    known &= (np.diff(place, prepend=0) <= MOST_LOST + 1) | (not loads)
     end = time.size if known.all() else int(np.argmin(known))
+    require(end, f"{source}: the loads are not known at its first sample, or before it. Begin where they are.", DataError)
     if end < time.size:
         lost = (
             f"{source}: the loads are not known after t = {time[end - 1]:g} s ({_place(end - 1, lines)}), so the record ends"

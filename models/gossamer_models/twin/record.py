@@ -21,7 +21,7 @@ from ..errors import DataError, require
 LEAST_SAMPLES = 60  # per sensor: fewer cannot tell the damages
 DIFFERENCES = 6  # order of the differences that show noise
 DEAD = 1e-9  # spread over magnitude of a sensor that does not move
-STILL = 20  # equal readings in a row of a sensor that has died while others move
+STILL, LAST_STILL = 20, 4  # equal readings in a row of a sensor that has died while others move; of the last ones
 MOST_WIRINGS = 6  # pairs of swapped sensors that are looked into, and wrong ones
 PASSING = 3.0  # deviations of chi2 above the expected one: of a reading that fits, at most
 ALIKE = 0.02  # of a misfit: readings that fit equally well, as mirrored ones do
@@ -319,12 +319,19 @@ def dead_sensors(record: ResponseRecord) -> list[int]:
 
 
 def still_sensors(values: Matrix) -> Rows:
-    """Return where sensors repeat one reading 20 times or more while others move, shape (sensors, n)."""
+    """Return where sensors repeat one reading 20 times, or the last one 4 times, while others move, shape (sensors, n)."""
     found = np.zeros(values.shape, dtype=bool)
     for k, row in enumerate(values):
         lengths = np.diff(np.flatnonzero(np.r_[True, row[1:] != row[:-1], True]))  # gaps are no readings, and differ
-        found[k] = np.repeat(lengths >= STILL, lengths)
-    return np.asarray(found & ~found[np.isfinite(values).any(axis=1)].all(axis=0))
+        found[k] = np.repeat(lengths >= np.r_[np.full(lengths.size - 1, STILL), LAST_STILL], lengths)
+    return np.asarray(found & ~(found | ~np.isfinite(values)).all(axis=0))
+
+
+def without_still(record: ResponseRecord) -> ResponseRecord:
+    """Leave out where sensors of a record in time repeat one reading while others move."""
+    if isinstance(record, StaticRecord):
+        return record
+    return replace(record, values=np.where(still_sensors(record.values), np.nan, record.values))
 
 
 @dataclass(frozen=True)

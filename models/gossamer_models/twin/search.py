@@ -17,7 +17,8 @@ import numpy as np
 from ..arrays import Matrix, Rows, Vector
 from ..errors import ConvergenceError
 from .forward import WORKERS
-from .least_squares import MOST_DAMAGE, NEGLIGIBLE, Minimum, Point, Quadratic, change, descend
+from .groups import UNRESOLVED
+from .least_squares import MOST_DAMAGE, NEGLIGIBLE, PRIOR_DEVIATION, Minimum, Point, Quadratic, change, descend
 from .nuisances import BEYOND, FACTORS, MODULUS
 from .oddities import chi2_bound, oddity
 from .problem import RecordProblem
@@ -28,7 +29,7 @@ T = TypeVar("T")
 ROUGH = 1.0  # of chi2: where a stage may stop that another follows
 MOST_CHANGES = 4  # of the zones that are kept
 MOST_STARTS = 4  # after the first
-MORE_STARTS = 2  # without early stages
+FEW_STARTS = 2  # without early stages
 DOUBTFUL = 1.0  # deviations of chi2 above the expected one, of a fit that passes
 FEW_SENSORS = 1.5  # zones for each: with more zones there may be several minima that pass
 HOPELESS = 5.0  # deviations of chi2 above the expected one
@@ -56,7 +57,7 @@ class Fit:
     kept : ndarray of bool, shape (n,)
         Unknowns that are not dropped.
     early_chi2 : float
-        Smallest chi2 of the first stage; infinite without one.
+        Smallest chi2 of the last early stage that was followed; infinite without one.
     J : ndarray, shape (values, n)
         Derivatives by all unknowns there.
     rivals : tuple of tuple
@@ -116,10 +117,18 @@ class Fit:
         """By how many deviations of its prior a nuisance is off, at most."""
         return float(np.abs(self.problem.z(self.point.x[None])).max(initial=0.0))
 
+    @property
+    def at_bound(self) -> Rows:
+        """Which unknowns are as large as they may be, shape (n,)."""
+        return np.asarray(self.point.x > self.problem.high - TORN)
+
     @cached_property
     def oddity(self) -> str:
         """What the fit shows that one of a right model does not; empty if nothing."""
-        torn = np.flatnonzero((self.point.x > self.problem.high - TORN)[self.problem.groups])
+        told = np.zeros(self.kept.size, dtype=bool)  # others reach their bounds by noise
+        covariance = np.linalg.pinv(self.model.A[np.ix_(self.kept, self.kept)], hermitian=True)
+        told[self.kept] = np.sqrt(np.diag(covariance)) < UNRESOLVED * PRIOR_DEVIATION
+        torn = np.flatnonzero((told & self.at_bound)[self.problem.groups])
         if torn.size:
             zone = self.problem.model.zones[torn[0]]
             return f"damage of {zone} is as large as the twin goes, {100.0 * MOST_DAMAGE:g} %, as in a false minimum"
@@ -127,7 +136,7 @@ class Fit:
 
 
 def search(stages: Sequence[RecordProblem], *, sparse: bool, one_valley: bool = True) -> tuple[Fit, list[Fit]]:
-    """Return the first fit that passes its bound, or else the best of all starts; and other minima that were found.
+    """Return the first fit that passes, or else the best of all starts; and other minima that were found.
 
     Parameters
     ----------
@@ -147,17 +156,18 @@ def search(stages: Sequence[RecordProblem], *, sparse: bool, one_valley: bool = 
     -----
     The first start is no damage. One whose early stages end above the bound of chi2 waits for the other starts; if all do,
     one is followed for a few steps. Where the first stage has one valley, and its bottom is hopeless from no damage, no
-    others are tried. Where nothing passes, zones are added to none of them instead of dropped from all: where little tells
-    them, all together wander far off. Then other starts are tried, side by side, and followed where their early stages end
-    below those of the best fit before: that is what finds false minima. Where there are few sensors, both are tried too if
-    chi2 of what passes is above the expected one, or without early stages, which have fewer valleys.
+    others are tried. Where nothing passes that has no damage at its bound, the zones to begin with are chosen by the model
+    about no damage, without early stages: where little tells them, all together wander far off. Then other starts are
+    tried, side by side, and followed where their early stages end below those of the best fit before: that is what finds
+    false minima. Where there are few sensors, both are tried too if chi2 of what passes is above the expected one, or
+    without early stages, which have fewer valleys.
     """
     whole, ends, going = stages[-1], list[Fit](), list[Begun]()
     start, follow = partial(begun, stages[:-1], one_valley=one_valley), partial(ended, whole, sparse=sparse)
     few, healthy = FEW_SENSORS * len(whole.record.sensors) < whole.zones, np.zeros(whole.size)
 
     def doubtful() -> bool:
-        passes = [misfit(whole, fit.point) for fit in ends if fit.passes]
+        passes = [misfit(whole, fit.point) for fit in ends if fit.passes and not fit.at_bound.any()]
         return not passes or (few and (not stages[:-1] or min(passes) > DOUBTFUL))
 
     first = start(healthy)
@@ -166,22 +176,22 @@ def search(stages: Sequence[RecordProblem], *, sparse: bool, one_valley: bool = 
         going.append(first)
     elif first is not None:
         ends += filter(None, [follow(first)])
-    early = bool(ends)
+    followed = bool(ends)
     if sparse and not hopeless and doubtful():
         ends += filter(None, [follow(Begun(healthy, kept=np.arange(whole.size) >= whole.zones))])
     if not hopeless and doubtful():
-        others = _others(stages[0])[: MOST_STARTS if stages[:-1] else MORE_STARTS]
+        others = _others(stages[0])[: MOST_STARTS if stages[:-1] else FEW_STARTS]
         going += filter(None, side_by_side(start, others))
         reached = min((fit.early_chi2 for fit in ends), default=np.inf) - THRESHOLD
         lowest = min((each.reached for each in going), default=np.inf) + THRESHOLD
         lower = [each for each in going if each.reached <= min(reached, lowest)]
-        if not early and all(each.far for each in going):
+        if not followed and all(each.far for each in going):
             lower = [replace(each, hopeless=True) for each in lower[:1]]
         ends += filter(None, side_by_side(follow, lower))
     if not ends:
         msg = "the twin's membrane fails from every start. Check its parameters and the load."
         raise ConvergenceError(msg)
-    best = min(ends, key=lambda fit: fit.unlikely)
+    best = min(ends, key=lambda fit: (not fit.passes, fit.worth))
     return best, [fit for fit in ends if fit is not best and elsewhere(fit, best)]
 
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from functools import cached_property, partial
 from typing import Literal, TypeAlias
 
@@ -39,7 +38,7 @@ from .record import (
     dead_sensors,
     less_healthy,
     other_wirings,
-    still_sensors,
+    without_still,
 )
 from .search import Fit, again, begun, elsewhere, ended, from_priors, in_groups, misfit, search, side_by_side
 from .second_look import Parted, parted
@@ -131,7 +130,7 @@ class Twin:
         whole: bool = False,
     ) -> None:
         self.nuisances, self.sparse, self._mesh_error, self._whole = tuple(nuisances), sparse, mesh_error, whole
-        self.known, self._healthy = tuple(known), healthy
+        self.known, self._healthy = tuple(known), None if healthy is None else without_still(healthy)
         self._forward = forward_of(structure, parameters)
         self._sensed = SensedForward(self._forward, sensor, sensor_parameters)
         self.parameters = self._forward.parameters
@@ -221,7 +220,8 @@ class Twin:
         if fit.passes and groups.max() + 1 < self.zones:  # those that the record cannot tell apart have one damage
             whole = self._problem(record, report, groups, noise=fit.problem.noise)
             together = in_groups(fit, whole.like(fit.problem), sparse=self.sparse)
-            if together is not None and fit.problem.added is not None and (finer := self._finer(record, whole.components)):
+            finer = None if fit.problem.added is None else self._finer(record, whole.components)
+            if together is not None and finer is not None:
                 together = corrected(together, *finer, whole.noise, sparse=self.sparse, simulated=False)
             fit = together if together is not None and together.passes else fit
         if self._parted is None or isinstance(record, StaticRecord):
@@ -270,10 +270,10 @@ class Twin:
         doubts = [f"sensor {k + 1} does not move and is left out" for k in dead]
         doubts += [f"sensor {k + 1} has no values" for k in range(self.sensors) if k not in record.sensors]
         record = record.without(dead)
-        if not isinstance(record, StaticRecord) and (still := still_sensors(record.values)).any():
-            many = enumerate(still.sum(axis=1).tolist(), 1)
-            doubts += [f"sensor {k} repeats one reading, and {n} samples of it are left out" for k, n in many if n]
-            record = replace(record, values=np.where(still, np.nan, record.values))
+        moving = without_still(record)
+        many = enumerate((record.present.sum(axis=1) - moving.present.sum(axis=1)).tolist(), 1)
+        doubts += [f"sensor {k} repeats one reading, and {n} samples of it are left out" for k, n in many if n]
+        record = moving.without(dead_sensors(moving))  # too little may be left of one
         require(record.sensors, "no sensor has values that move. Check the columns and the wiring.", DataError)
         self._check(record)
         return record if self._healthy is None else less_healthy(record, self._healthy, self._undamaged(record)), doubts
@@ -333,7 +333,7 @@ class Twin:
 
     def _searched(self, record: ResponseRecord, report: Progress) -> tuple[Fit, list[Fit]]:
         """Search longer and longer beginnings of a record, from two sides; follow what they find to the end."""
-        stages = [self._problem(record, report, samples=samples) for samples in [*self._early_samples(record), None]]
+        stages = self._stages(record, report)
         first = stages[0].record
         one_valley = not isinstance(record, StaticRecord) and first.samples * first.step <= VALLEY * self._forward.period
         noise, over = stages[-1].noise, stages[-1].mesh_over_noise
@@ -373,14 +373,19 @@ class Twin:
         """
         if fit.per_sample < COLOURED:
             return fit
-        if not math.isfinite(fit.early_chi2):
+        stages = self._stages(record, report)
+        first = begun(stages[:1], np.zeros(stages[0].size), one_valley=False) if stages[1:] else None
+        if first is None:
             return None
-        stages = [self._problem(record, report, samples=samples) for samples in [*self._early_samples(record), None]]
-        noise = stages[0].noise * math.sqrt(fit.early_chi2 / stages[0].values)
+        noise = stages[0].noise * math.sqrt(first.reached / stages[0].values)
         stages = [stage.under(noise) for stage in stages]
         start = begun(stages[:-1], np.zeros(stages[0].size), one_valley=True)
         louder = None if start is None or start.hopeless else ended(stages[-1], start, sparse=self.sparse)
         return None if louder is None or louder.per_sample > LOUD else louder
+
+    def _stages(self, record: ResponseRecord, report: Progress) -> list[RecordProblem]:
+        """Return the problems of longer and longer beginnings of a record, the last of all of it."""
+        return [self._problem(record, report, samples=samples) for samples in [*self._early_samples(record), None]]
 
     def _compared(self, record: ResponseRecord) -> int:
         """Return how many samples are compared: those that the discrepancy covers, or that do not take too many steps."""

@@ -138,7 +138,7 @@ class Added:
         return found
 
     def of(self, others: Matrix) -> Added:
-        """Return what is added at unknowns that are others times a matrix, as a function of these, shape (size, others)."""
+        """Return what is added as a function of other unknowns x', where these are ``others`` x', shape (size, others)."""
         moves = others[self.moving]
         moving = np.flatnonzero(moves.any(axis=0))
         start = self.strain - np.tensordot(self.x[self.moving], self.slopes, 1)

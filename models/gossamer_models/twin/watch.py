@@ -25,7 +25,7 @@ from .forward import WORKERS, Forward, forward_of
 from .least_squares import MOST_DAMAGE, Minimum, Quadratic, descend
 from .nuisances import BEYOND, FACTORS, GAIN, Loads, Nuisances, possible
 from .onset import JudgedWindow, OnsetProblem, counted_from
-from .record import still_sensors
+from .record import STILL, still_sensors
 from .sensor_error import LastingError
 from .simulation import Place, SensedForward
 from .weights import RecordWeights
@@ -179,6 +179,7 @@ class Watch:
             raise ParameterError(msg)
         self._damage, self._h = np.broadcast_to(np.asarray(damage, dtype=float), (zones,)).copy(), step
         self._time, self._window, self._false_alarms = 0.0, 0, false_alarms
+        self._last = np.zeros((sensors, 0))  # readings as they came
         kinds = tuple(kind for kind in possible(forward.parameters, Loads()) if kind in FACTORS)
         self._nuisances = Nuisances(kinds, forward.parameters, forward.inputs, sensors)
         self._loads, self._z = tuple[str, ...](), np.zeros(0)
@@ -222,7 +223,8 @@ class Watch:
                 f"{y.shape}"
             )
             raise DataError(msg)
-        y[still := still_sensors(y)] = np.nan
+        raw = np.hstack([self._last, y])
+        y[still := still_sensors(raw)[:, -y.shape[1] :]] = np.nan
         without = tuple((1 + np.flatnonzero(still.any(axis=1) | np.isnan(y).all(axis=1))).tolist())
         known, n = loads or {}, y.shape[1]
         wanted = self._loads if self._place else tuple(name for name in known if name in self._sensed.forward.inputs)
@@ -284,7 +286,7 @@ class Watch:
         off = weigh(np.where(present, judged.about(self._z, self._found) - found[0], 0.0)[None])
         misfit = float(np.sum(off**2)) / max(1, present.sum() - present.any(axis=1).sum())
         self._before = [*self._before[-OLDEST:], judged]
-        self._time += n * self._h
+        self._time, self._last = self._time + n * self._h, raw[:, -STILL:]
         self._place, self._window, finding = after, self._window + 1, None
         if self._suspected is not None:
             finding = self._find(self._suspected)

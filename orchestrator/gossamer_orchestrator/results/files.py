@@ -191,10 +191,10 @@ def read_watch(folder: Path) -> dict[str, Any] | None:
 def unexplained(watched: Mapping[str, Any]) -> list[int]:
     """List the windows, from 0, that the twin does not explain, but for those that raised an alarm and the ones after them.
 
-    After those it has taken up what began, or has found that no damage explains it.
+    After those it has taken up what began, or has found that no damage explains it; after the last one it has not.
     """
     times, alarms = watched.get("time", []), set(watched.get("alarms", []))
-    begun = {k + after for k, time in enumerate(times) if time in alarms for after in (0, 1)}
+    begun = {k + after for k, time in enumerate(times[:-1]) if time in alarms for after in (0, 1)}
     return [k for k, misfit in enumerate(watched.get("misfit", [])) if misfit > LARGE and k not in begun]
 
 

@@ -58,7 +58,7 @@ def test_an_alarm_is_printed_and_the_finding_written(record):
     assert "ALARM" in result.stderr
     assert f"The page of the run shows it: type 'gossamer view {record.parent}'." in " ".join(result.stderr.split())
     found = json.loads(Path(result.stdout.strip()).read_text(encoding="utf-8"))
-    assert "samples fill no window and are not judged." in result.stderr
+    assert "too few for a window: not judged." in result.stderr
     assert len(found["alarms"]) == 1
     assert 0.0 < found["alarms"][0] - ONSET < 0.1
     assert found["without"] == [[]] * len(found["time"])
@@ -112,6 +112,7 @@ def test_a_window_between_others_that_the_twin_does_not_explain_is_not_passed_ov
         return seen
 
     assert after(1.0, 1.0, 1.0).exit_code() == after(1.0, 9.0, 3.0, 1.0, alarm=1).exit_code() == 0
+    assert after(1.0, 1.0, 9.0, alarm=2).exit_code() == 3  # no fit has followed
     lost = after(1.0, 5.0, 9.0, 1.0)
     assert lost.exit_code() == 3
     assert (

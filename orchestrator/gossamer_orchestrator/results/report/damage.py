@@ -153,7 +153,7 @@ def _map(judged: DamageHistory, steps: Stages) -> Chart:
     if judged.time.size:
         beside = ", and the true damage where there is some" if judged.true.size else "; the true damage is not recorded"
         grey = "" if judged.valid.all() else " A judgement that is not valid is grey."
-        rough = " (or bounds, where that is above 2)" * judged.sure
+        rough = " (bounds alone, where the deviation is above 2)" * judged.sure
         title, note = "Damage of the zones [%]", f"Zone number, estimate, standard deviation{rough}{beside}.{grey}"
     else:
         title, note = "True damage of the zones [%]", "Zone number and damage."
