@@ -52,7 +52,9 @@ _log_of_errors = logging.getLogger(f"{__name__}.errors")  # to the file only: th
 
 def main(tokens: Sequence[str] | None = None) -> None:
     """Run the command line; exit with its code."""
-    words = ["/dev/stdin" if word == "-" else word for word in (sys.argv[1:] if tokens is None else tokens)]
+    words = list(sys.argv[1:] if tokens is None else tokens)
+    if "watch" in words:  # no other command reads lines as they arrive
+        words = ["/dev/stdin" if word == "-" else word for word in words]
     style = os.environ.get(STYLE)
     os.environ[STYLE] = DASHES  # processes that this one starts write as it does
     try:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from gossamer_files.tables import TableText
     from gossamer_models.arrays import Matrix, Vector
     from gossamer_models.membrane import Structure
-    from gossamer_models.twin import DamageOnset, ResponseRecord, Watch, Window
+    from gossamer_models.twin import DamageOnset, Watch, Window
     from gossamer_orchestrator import Plan, Simulation
     from rich.console import Console
 
@@ -76,9 +76,7 @@ class Watching(Saved):
     def take(self, judged: Window, console: Console) -> None:
         """Keep what a window says, and print an alarm or a finding."""
         for k in sorted({*judged.without} ^ {*chain(*self.without[-1:])}):
-            what = (
-                "has readings that move again" if k not in judged.without else "has no readings that move, and is left out"
-            )
+            what = "repeats one reading, or has none: that is left out" if k in judged.without else "moves again"
             console.print(f"t = {judged.time:.4f} s: sensor {k} {what}", highlight=False)
         self.without.append(judged.without)
         self.misfits.append(judged.misfit)
@@ -278,7 +276,7 @@ class LiveWatch:
                 return
             if self._seen.alarmed:
                 simulation.say(FITTING)
-            self._seen.take(self._twin.advance(*_window(found.record, 0, samples)), self._console)
+            self._seen.take(self._twin.advance(*next(_windows([found], samples))), self._console)
             simulation.say("")
             rest = time > time[0] + (samples - 0.5) * found.record.step
             self._forgotten = float(time[rest][0])
@@ -427,9 +425,3 @@ def _begin(found: KnownRecord, false_alarms: float, sensor: AnyPath | None = Non
     noise = np.nan_to_num(noise, nan=np.nanmax(noise))  # of sensors without values, or none yet
     known = found.twin(sensor) | {"parameters": {**found.parameters, **found.record.start}}
     return Watch(noise, **known, step=found.record.step, false_alarms=false_alarms)
-
-
-def _window(record: ResponseRecord, first: int, samples: int) -> tuple[Matrix, dict[str, Vector]]:
-    """Return the readings and the loads of a window."""
-    part = slice(first, first + samples)
-    return record.values[:, part], {name: load[part] for name, load in record.inputs.items()}

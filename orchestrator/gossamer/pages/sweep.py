@@ -276,10 +276,7 @@ def _most_damaged(ended: CaseEnd) -> str:
     if j is None:
         return "no valid judgement" if ended.detector else "-"
     z = int(np.argmax(j.estimated))
-    if j.estimated[z] < LEAST_SHOWN:
-        return "none"
-    bar = f" ± {100.0 * j.deviation[z]:.1f}" if np.isfinite(j.deviation[z]) else ""
-    return f"zone {z + 1}: {f'{100.0 * j.estimated[z]:.1f}{bar}' if j.determined[z] else j.bounds(z)} %"
+    return f"zone {z + 1}: {j.said(z)} %" if j.estimated[z] >= LEAST_SHOWN else "none"
 
 
 def read_cases(

@@ -75,6 +75,13 @@ class Judgement:
         ends = self.estimated[zone] + REACH * self.deviation[zone] * np.array([-1.0, 1.0])
         return between(*(100.0 * np.clip(ends, 0.0, 1.0)))
 
+    def said(self, zone: int, sign: str = "±") -> str:
+        """Say the damage of a zone [%]: estimate and deviation, with a sign between, or bounds if it is not determined."""
+        if not self.determined[zone]:
+            return self.bounds(zone)
+        bar = f" {sign} {100.0 * self.deviation[zone]:.1f}" if np.isfinite(self.deviation[zone]) else ""
+        return f"{100.0 * self.estimated[zone]:.1f}{bar}"
+
     @property
     def mean_absolute_error(self) -> float:
         """Mean over the zones of ``|estimated - true|`` [1]."""
@@ -271,8 +278,7 @@ def zone_table(judgement: Judgement) -> Table:
         cells = []
         for zone in range(row * side, min((row + 1) * side, zones)):
             true, estimated = 100 * judgement.true[zone], 100 * judgement.estimated[zone]
-            value = f"{estimated:.1f} +- {100 * judgement.deviation[zone]:.1f}" if certain else f"{estimated:.1f}"
-            said = value if judgement.determined[zone] else judgement.bounds(zone)
+            said = judgement.said(zone, "+-")
             numbers = f"{true:.0f} -> {said}" if known else said
             cells.append(
                 f"zone {judgement.labels[zone]}\n"
