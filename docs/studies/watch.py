@@ -73,7 +73,16 @@ WORLDS = {
     "gains": World((0.1, 0.1), gain=0.05),
     "sensors": World((0.02, 0.02), load=0.03, sensors=0.05),
     "sensors, ramp": World((0.1, 0.1), load=0.03, sensors=0.05, ramp=6.0),
-    "mesh": World((0.3, 0.3), THESIS, truth=lambda: square_structure(2 * BILINEAR[0], BILINEAR[1])),
+    "mesh": World((0.3, 0.3), THESIS, truth=lambda: square_structure(3 * BILINEAR[0], BILINEAR[1])),
+    "order": World((0.1, 0.1), THESIS, structure=square_structure, truth=lambda: square_structure(4, 8)),
+    "dish, finer": World(
+        (0.2, 0.5),
+        1e-4,
+        load=0.03,
+        structure=lambda: shipped("reflector"),
+        truth=lambda: shipped("reflector").finer().finer(),
+        step=2.5e-4,
+    ),
     "drum": World((0.2, 0.5), 1e-4, load=0.03, structure=lambda: shipped("drum"), step=2.5e-4),
     "dish": World((0.2, 0.5), 1e-4, load=0.03, structure=lambda: shipped("reflector"), step=2.5e-4),
 }

@@ -39,8 +39,8 @@ from .sensors import Identification as Identification
 from .sensors import identify as identify
 from .sweeps import Sweep as Sweep
 from .sweeps import sweep as sweep
+from .watched import Watching as Watching
 from .watching import LiveWatch as LiveWatch
-from .watching import Watching as Watching
 from .watching import watch as watch
 
 HOMES: dict[str, str]  # the module of each name

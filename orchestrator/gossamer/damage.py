@@ -184,7 +184,6 @@ def twin(
         gossamer twin states.csv --setup sail --healthy before.csv
     """
     from gossamer_files import write_text
-    from gossamer_files.measured import header_of, of_a_run
     from gossamer_models.twin import MeshErrors, Twin
     from gossamer_models.twin.nuisances import BY_DEFAULT
     from gossamer_orchestrator.results.files import TWIN
@@ -200,8 +199,7 @@ def twin(
     logger.info("%d samples of %s, %g s apart", found.record.samples, found.record.kind, found.record.step)
     with progress_bar("fitting") as bar:
         bar.update(text="compiling,")
-        measured = source.suffix == ".csv" and not of_a_run(header_of(source))
-        wanted = options["setup"] is not None and measured if mesh_error is None else mesh_error
+        wanted = options["setup"] is not None and not found.of_run if mesh_error is None else mesh_error
         errors = None
         if wanted and not found.structure.starts_in_plane:  # the error of the square is known
 
@@ -210,7 +208,7 @@ def twin(
 
             errors = MeshErrors(found.structure, found.parameters, report=report)
         exact = names_of(known)
-        of_run = not measured and options["sensor"] is None and "sensor" not in exact
+        of_run = found.of_run and options["sensor"] is None and "sensor" not in exact
         exact = BY_DEFAULT if exact == ("all",) else (*exact, *["sensor"] * of_run)
         fitting = Twin(
             **found.twin(options["sensor"]),

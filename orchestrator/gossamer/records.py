@@ -45,12 +45,15 @@ class KnownRecord:
         Parameters of the membrane, and inputs at the start, that differ from its start values.
     sensor_parameters : mapping of str to list of float
         Parameters of the sensors, one value for each.
+    of_run : bool
+        Whether it comes from the results of a run, so that its mesh is that of the membrane.
     """
 
     record: ResponseRecord
     structure: Structure
     parameters: Mapping[str, float] = field(default_factory=dict)
     sensor_parameters: Mapping[str, list[float]] = field(default_factory=dict)
+    of_run: bool = False
 
     def twin(self, sensor: AnyPath | None = None) -> dict[str, Any]:
         """Return what a twin of the record is made of: its membrane, and for resistance its sensors.
@@ -159,6 +162,7 @@ def find_in_results(
         structure=structure,
         parameters={**recorded, **_assigned(values, structure)},
         sensor_parameters=sensors,
+        of_run=True,
     )
 
 

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from gossamer_models.membrane import Region, Sensor, Setup, Support, Zone, make_structure, surface_mesh
+from gossamer_models.membrane import Region, Sensor, Setup, Support, Zone, make_structure, square_structure, surface_mesh
+from gossamer_models.twin import MembraneForward
 from oracles.meshes import ball, disc, meshed, rectangle, started
 
 FILM = Region(youngs_modulus=1e7, poisson_ratio=0.3, density=1e3, thickness=1e-3, prestress=(1e4, 1e4, 0.0))
@@ -68,3 +69,14 @@ def test_a_finer_membrane_is_nearer_to_the_exact_deflection():
         errors.append(abs(model.get("displacement") / (0.0736713 * 10.0 / 1e3) - 1.0))
     assert errors[1] < 0.35 * errors[0]
     assert errors[2] < 0.35 * errors[1]
+
+
+@pytest.mark.parametrize(("coarse", "fine"), [((4, 1), (8, 1)), ((4, 2), (4, 4))])
+def test_the_square_of_finer_elements_is_the_square_that_is_made_of_them(coarse, fine):
+    """With the parameters and the results of the square, and stretched evenly by its rim."""
+    given, damage = {"density": 1000.0, "edge_displacement": 0.005, "pressure": 100.0}, 0.3 * np.eye(16)[4:5]
+    refined, made = (MembraneForward(each, given) for each in (square_structure(*coarse).finer(), square_structure(*fine)))
+    assert refined.limit == pytest.approx(made.limit)
+    strain, wanted = (each.strain(damage, {}, {}, 60, 3e-4) for each in (refined, made))
+    assert strain == pytest.approx(wanted, abs=1e-12)
+    assert [v.name for v in refined.structure.table] == [v.name for v in made.structure.table]

@@ -238,3 +238,38 @@ def test_a_sensor_that_drifts_from_window_to_window_does_not_bend_the_finding():
     (finding,) = (window.finding for window in judged if window.finding)
     assert finding.damage == pytest.approx(0.3 * np.eye(16)[5], abs=0.03)
     assert finding.chi2_per_sample == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_sensor_that_reads_noise_alone_is_blamed_and_the_watch_goes_on_without_it():
+    readings = noisy(strains(0.0, 1, 0.0), 3)
+    after = readings[2, 700:]
+    after[:] = readings[2, :700].mean() + 0.03 * np.random.default_rng(3).standard_normal(after.size)
+    judged = windows(Watch(NOISE, SQUARE), readings)
+    assert [window.alarm for window in judged] == [False] * 4 + [True] + [False] * 4
+    assert [window.blamed for window in judged] == [()] * 5 + [(3,)] + [()] * 3
+    assert not any(window.finding for window in judged)
+    assert judged[-1].without == (3,)
+    assert judged[-1].misfit == pytest.approx(1.0, abs=0.15)
+    assert judged[-1].sees.max() < 0.05
+
+
+def test_a_film_of_finer_elements_hides_less_where_a_finer_mesh_is_simulated_beside():
+    """The film of the readings has three times as many elements a side, the finer mesh twice as many."""
+    film, truth = square_structure(8, 1), MembraneForward(square_structure(24, 1))
+    damage = np.zeros((1, 5 * SAMPLES, 16))
+    damage[0, int(0.23 / STEP) :, 10] = 0.3
+    state, _ = truth.begin(np.zeros(16), {})
+    readings = truth.advance(state, damage, {}, STEP)[0][0]
+    readings = np.split(readings + 1e-3 * np.random.default_rng(1).standard_normal(readings.shape), 5, axis=1)
+    beside, alone = Watch(1e-3, film), Watch(1e-3, film, exact_mesh=True)
+    one, other = ([watch.advance(part) for part in readings] for watch in (beside, alone))
+    assert [window.alarm for window in one] == [False] * 4 + [True]
+    assert one[-1].statistic > 5.0 * other[-1].statistic
+    assert one[-1].sees.max() < 0.3 * other[-1].sees.max()
+    assert 0.1 < one[-1].mesh < 0.4  # so much do finer elements add to the strain of this film
+    assert other[-1].mesh == 0.0
+
+
+def test_readings_of_the_same_mesh_have_nothing_of_a_finer_one():
+    judged = windows(Watch(NOISE, SQUARE), noisy(strains(0.0, 1, 0.0), 0))
+    assert max(window.mesh for window in judged[1:]) < 0.02

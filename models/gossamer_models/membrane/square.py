@@ -21,7 +21,7 @@ from .gauges import place_matrix
 from .interface import BUILT_IN, MAX_STEP, STRAIN, damage_rows, node_rows
 from .reading import MeshFile
 from .setup import Region, Sensor, Setup, Support
-from .structure import Structure, make_structure
+from .structure import Structure, make_structure, stretched_evenly
 from .surface import surface_mesh
 from .zones import Zone
 
@@ -155,14 +155,8 @@ def square_structure(
     mesh = surface_mesh(_mesh(n, side), order)
     at = np.array([(GRID_STEPS / 2, GRID_STEPS / 2), *GRID]) / GRID_STEPS * side
     probes = place_matrix(mesh, np.column_stack([at, np.zeros(len(at))]))
-    return replace(
-        make_structure(setup, mesh),
-        ways=(2.0 / side * (mesh.nodes - centre)).reshape(1, -1),  # the rim takes all nodes along: it stretches evenly
-        variables=partial(_variables, p),
-        probes={"deflection": probes[:1], "w": probes[1:]},
-        origin=np.array(centre),
-        starts_in_plane=True,
-    )
+    found = stretched_evenly(make_structure(setup, mesh), np.array(centre))
+    return replace(found, variables=partial(_variables, p), probes={"deflection": probes[:1], "w": probes[1:]})
 
 
 def _mesh(n: int, side: float) -> MeshFile:

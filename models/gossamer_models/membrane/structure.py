@@ -20,7 +20,7 @@ from ..mistakes import DescriptionError, Mistake, raise_any
 from ..variables import Variable
 from .boundary import edge_force, free_displacements, leaking, loose, members_of, unit_force, ways
 from .element import Element
-from .gauges import Gauge, gauge
+from .gauges import Gauge, gauge, place_matrix
 from .geometry import Geometry, geometry, stiffest, values
 from .interface import mesh_variables
 from .setup import Setup
@@ -236,7 +236,16 @@ class Structure:
                 whole = self.unit_forces[load.name].reshape(-1, 3).sum(axis=0)
                 forces[load.name] = np.outer(shares / shares.sum(), whole).ravel()
         setup = replace(setup, refine=self.setup.refine + (not raised))
-        return replace(found, setup=setup, unit_forces=forces)
+        probes = {name: place_matrix(found.mesh, rows @ self.mesh.nodes) for name, rows in self.probes.items()}
+        found = replace(found, setup=setup, unit_forces=forces, variables=self.variables, probes=probes)
+        return stretched_evenly(found, self.origin) if self.starts_in_plane else found
+
+
+def stretched_evenly(structure: Structure, centre: Vector) -> Structure:
+    """Return a flat structure that starts in its plane, where its one support takes all nodes along, away from a centre."""
+    per_metre = np.array(structure.setup.supports[0].stretch) - 1.0
+    even = (per_metre * (structure.mesh.nodes - centre)).reshape(1, -1)
+    return replace(structure, ways=even, origin=centre, starts_in_plane=True)
 
 
 def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:

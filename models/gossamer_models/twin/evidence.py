@@ -73,17 +73,15 @@ class Evidence:
         self.lasting = scipy.linalg.cho_solve(factor, self._g[:p])
         beside = self._A[:p, p:]
         S = self._A[p:, p:] - beside.T @ scipy.linalg.cho_solve(factor, beside)
-        self._left = S, self._g[p:] - beside.T @ self.lasting
-        size = np.diag(S)
+        left, size = self._g[p:] - beside.T @ self.lasting, np.diag(S)
         seen = size > NEGLIGIBLE * np.diag(self._A)[p:]
-        self.scores = np.where(seen, self._left[1] ** 2 / np.where(seen, size, 1.0), 0.0).reshape(-1, z)
+        self.scores = np.where(seen, left**2 / np.where(seen, size, 1.0), 0.0).reshape(-1, z)
         self.curvature = np.where(seen, size, 0.0).reshape(-1, z)
 
-    def likeliest(self) -> int:
-        """Return which onset explains most if all damage began there."""
-        S, g = self._left
-        parts = [slice(first, first + self._z) for first in range(0, g.size, self._z)]
-        return int(np.argmax([g[part] @ np.linalg.pinv(S[part, part], hermitian=True) @ g[part] for part in parts]))
+    @property
+    def covariance(self) -> Matrix:
+        """Covariance of the unknowns that last, shape (p, p)."""
+        return np.asarray(np.linalg.inv(self._A[: self._p, : self._p]))
 
     def recentre(self, moves: Vector) -> None:
         """Count the first unknowns that last from a point that is moved, by what residuals have lost."""

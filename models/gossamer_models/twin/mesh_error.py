@@ -19,7 +19,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import toeplitz
 
 from ..arrays import Matrix, Vector
 from ..compiler import kept_library
@@ -27,7 +26,7 @@ from ..membrane import Structure
 from .forward import MembraneForward
 from .least_squares import DAMAGE_STEP
 from .record import SAME_LOAD, ResponseRecord, StaticRecord
-from .weights import RecordWeights
+from .weights import RecordWeights, process_of
 
 VERSION = 2  # of what is kept
 PAIRS, STILL_FINER = 32, 8  # simulations with random damage, and how many of them on a still finer mesh
@@ -152,8 +151,7 @@ class MeshError:
                 modes = np.eye(n)
             else:
                 spectra = [(share, np.abs(np.fft.rfft(part[:, j], 2 * n, axis=1)) ** 2) for share, part in parts]
-                spectrum = sum(share * each.mean(axis=0) for share, each in spectra)
-                variance, modes = np.linalg.eigh(toeplitz(np.fft.irfft(spectrum)[:n] / n))
+                variance, modes = process_of(sum((share * each.mean(axis=0) for share, each in spectra), np.zeros(n + 1)))
             seen = variance > (SMALL * self.noise[j]) ** 2
             mine = np.zeros((int(seen.sum()), s, n))
             mine[:, j] = (np.sqrt(variance[seen]) * modes[:, seen]).T

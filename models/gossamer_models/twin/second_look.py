@@ -18,6 +18,7 @@ from ..membrane.boundary import members_of
 from ..membrane.gauges import gauge
 from ..membrane.interface import mesh_variables
 from ..membrane.setup import Load, Sensor, Setup
+from ..membrane.structure import stretched_evenly
 from ..membrane.surface import refined
 from ..membrane.zones import Zone
 from ..mistakes import DescriptionError
@@ -128,8 +129,8 @@ class Parted:
             gauge(mesh, np.array(sensor.point), np.array(sensor.direction), sensor.gauge_length) for sensor in setup.sensors
         )
         found = replace(found, setup=setup, gauges=gauges, variables=table)
-        if mesh is structure.mesh:
-            found = replace(found, ways=structure.ways, origin=structure.origin, starts_in_plane=structure.starts_in_plane)
+        if structure.starts_in_plane:
+            found = stretched_evenly(found, structure.origin)
         self.forward = MembraneForward(found, {**forward.parameters, **forward.inputs})
 
     @staticmethod

@@ -8,8 +8,7 @@ alarm; ``h`` step [s].
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,15 +20,14 @@ from ..errors import ConvergenceError, DataError, ParameterError
 from ..membrane import Structure
 from ..sensor import SensorArtifact
 from .evidence import Evidence
-from .forward import WORKERS, Forward, forward_of
-from .least_squares import MOST_DAMAGE, Minimum, Quadratic, descend
+from .forward import Forward, MembraneForward, forward_of
+from .least_squares import MOST_DAMAGE
 from .nuisances import BEYOND, FACTORS, GAIN, Loads, Nuisances, possible
 from .onset import JudgedWindow, OnsetProblem, counted_from
 from .record import STILL, still_sensors
 from .sensor_error import LastingError
 from .simulation import Place, SensedForward
-from .weights import RecordWeights
-from .zone_sets import Box, drop_zones
+from .weights import RecordWeights, process_like
 
 BEGINNINGS = 2  # onsets in each window that the neighbours have
 OLDEST = 16  # windows since the oldest of them
@@ -38,11 +36,17 @@ NEIGHBOUR, MOVED = 0.1, 1e-3  # damage of a neighbour; an unknown that lasts of 
 PRECISE = 1e-2  # of this deviation
 SURE = 1.2816  # deviations of a score: nine of ten are above its mean less these
 SETTLED = 3  # windows that the scale of the scores comes from
-SHIFTS = (-14.0, -7.0, 7.0, 14.0)  # of the best onset [steps]
 ROUNDS = 4
-EXPLAINED = 2.0  # chi2 per sample up to which a finding explains the readings
+EXPLAINED = 1.5  # times the chi2 per sample of the first windows: up to there a finding explains the readings
+COARSE = 0.1  # of the change of the readings: where finer elements add more, damage acts otherwise than on the mesh
+CORRECTIONS = 2  # of a fit, by a finer mesh
+TRIES = 3  # windows after an alarm in which damage is fitted until it does
 OFF, REST = 0.1, 0.003  # deviations of what a group of the error of a sensor adds, and of what is left: shares of its range
 ANY = 1e4  # of the noise: deviation of the offset of a sensor in a window
+HALF = 0.5  # of what a finer mesh adds: mean, and deviation, of how much of it readings have
+ALIKE = 0.1  # how far from it that share may be in the first window
+LEFT = 0.5  # of it: what a still finer one adds to that, 0.3 to 0.55 on films and squares
+MOST_NODES = 6000  # of a finer mesh
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,6 +63,10 @@ class DamageOnset:
         Damage of every zone since then, and its standard deviation [1].
     chi2_per_sample : float
         Near 1 if this damage explains the readings.
+    chi2_bound : float
+        What it may be, by that of the first windows.
+    mesh : float
+        What finer elements add to the readings of a window, over their change: root mean squares; 0 if it is not known.
     """
 
     zones: tuple[str, ...]
@@ -67,11 +75,13 @@ class DamageOnset:
     damage: Vector
     deviation: Vector
     chi2_per_sample: float
+    chi2_bound: float
+    mesh: float
 
     @property
     def valid(self) -> bool:
-        """Whether this damage explains the readings; else neither its zones nor its onset can be used."""
-        return self.chi2_per_sample <= EXPLAINED
+        """Whether this damage explains the readings, on a mesh that is fine enough; else zones and onset are of no use."""
+        return self.chi2_per_sample <= self.chi2_bound and self.mesh <= COARSE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,10 +101,16 @@ class Window:
         Whether new damage is certain.
     misfit : float
         Chi2 per sample of the readings about the twin's prediction.
+    mesh : float
+        What finer elements add to the prediction, over its change: root mean squares; 0 if it is not known.
+    left : ndarray, shape (sensors,)
+        Root mean square of what this prediction leaves of each sensor, over its noise [1]; not a number without readings.
     finding : DamageOnset or None
-        Onset and damages, at the end of the window after an alarm.
+        Onset and damages, at the end of the window after an alarm, and of the next ones until they explain the readings.
+    blamed : tuple of int
+        Sensor, from 1, that the alarm came from: no damage explains what it reads, and all others read what none explains.
     without : tuple of int
-        Sensors, from 1, without readings, or that repeat one reading while others move: these readings are left out.
+        Sensors, from 1, that are left out: without readings, those that repeat one while others move, and blamed ones.
     """
 
     time: float
@@ -102,7 +118,10 @@ class Window:
     sees: Vector
     alarm: bool
     misfit: float
+    mesh: float
+    left: Vector
     finding: DamageOnset | None = None
+    blamed: tuple[int, ...] = ()
     without: tuple[int, ...] = ()
 
     @property
@@ -132,6 +151,8 @@ class Watch:
         Time between readings [s].
     false_alarms : float
         Share of the windows that may raise a false alarm.
+    exact_mesh : bool
+        Whether readings come from the mesh of the structure, so that no finer one is simulated beside it.
 
     Attributes
     ----------
@@ -148,11 +169,14 @@ class Watch:
     Neighbours of the twin are simulated beside it in lanes, from window to window: one moved along each nuisance of the
     membrane and its loads, and one with damage in one zone for each of some onsets, two in each of the last two windows and
     one in every second, fourth and eighth before, up to 16 windows. ``Evidence`` sums what they explain of the readings,
-    beside coefficients that last: a gain of each sensor, or the errors of ``LastingError``. A constant offset of a sensor
-    in a window does not count. After each window the twin moves to the nuisances that are likeliest then, as if it had begun
-    with them. Where the model is not exact, scores are larger: they are divided by their mean over the first three windows,
-    at least 1. The first window gives no alarm. One window after an alarm, onset and damages are fitted to the windows since
-    the likeliest onset; zones are dropped as in ``Twin``. The watch then goes on from the damages found.
+    beside coefficients that last: a gain of each sensor, or the errors of ``LastingError``, and how much readings have of
+    what finer elements would add (none of what the same mesh made, nearly all of a membrane's). What this leaves is a
+    stationary process of each sensor. A constant offset of a sensor in a window does not count. After each window the twin
+    moves to the nuisances that are likeliest then, as if it had begun with them. Where the model is not exact, scores are
+    larger: they are divided by their mean over the first three windows, at least 1. The first window gives no alarm. One
+    window after an alarm, onset and damages are fitted to the windows since the likeliest onset; zones are dropped as in
+    ``Twin``. The watch then goes on from the damages found. Where they do not explain the readings, they are fitted again
+    with the next window, up to three times; a sensor is left out at once if it alone is not explained without damage.
     """
 
     def __init__(
@@ -166,9 +190,12 @@ class Watch:
         sensor_parameters: Mapping[str, ArrayLike] | None = None,
         step: float = 3e-4,
         false_alarms: float = 1e-5,
+        exact_mesh: bool = False,
     ) -> None:
         forward = forward_of(structure, parameters)
         self._sensed, self.zones = SensedForward(forward, sensor, sensor_parameters), forward.zones
+        finer = None if exact_mesh else finer_of(forward)
+        self._finer = None if finer is None else SensedForward(finer, sensor, sensor_parameters)
         sensors, zones = forward.sensors, len(forward.zones)
         self._sigma = np.broadcast_to(np.asarray(noise, dtype=float), (sensors,)).copy()
         if not (np.isfinite(self._sigma).all() and (self._sigma > 0.0).all()):
@@ -185,12 +212,16 @@ class Watch:
         self._loads, self._z = tuple[str, ...](), np.zeros(0)
         self._evidence: Evidence | None = None
         self._place: Place | None = None  # of the twin, then its moved neighbours, then those with damage
+        self._share = HALF  # of what a finer mesh adds, that readings have
+        self._fine: Place | None = None  # of the twin and its moved neighbours on a finer mesh
         self._error: LastingError | None = None
         self._rounds = 0  # how often nuisances were corrected
         self._onsets = np.zeros((0, 2))  # of the neighbours with damage: window, and time [s]
-        self._scores: list[float] = []  # means of the first windows
+        self._scores, self._usual = list[float](), 1.0  # means of the first windows, and their largest misfit
         self._before: list[JudgedWindow] = []
         self._suspected: float | None = None  # the likeliest onset of an alarm [s]
+        self._tries = 0  # to explain it
+        self._faulty = frozenset[int]()  # sensors that are left out for good
 
     def advance(self, readings: ArrayLike, loads: Mapping[str, Vector] | None = None) -> Window:
         """Judge the next window of readings.
@@ -225,7 +256,7 @@ class Watch:
             raise DataError(msg)
         raw = np.hstack([self._last, y])
         y[still := still_sensors(raw)[:, -y.shape[1] :]] = np.nan
-        without = tuple((1 + np.flatnonzero(still.any(axis=1) | np.isnan(y).all(axis=1))).tolist())
+        y[list(self._faulty)] = np.nan
         known, n = loads or {}, y.shape[1]
         wanted = self._loads if self._place else tuple(name for name in known if name in self._sensed.forward.inputs)
         if set(known) != set(wanted):
@@ -256,19 +287,29 @@ class Watch:
             for name, factor in self._factors(z).items():
                 histories[name][case] = factor * known[name]
         found, felt, after = self._sensed.advance(place, damage, histories, self._h)
-        if not np.isfinite(found).all():
+        beside = {name: history[:common] for name, history in histories.items()}
+        fine, fine_after = self._on_finer(self._fine, damage[:common], beside, found[:common])
+        if not (np.isfinite(found).all() and np.isfinite(fine).all()):
             msg = f"the twin's membrane failed after t = {self._time:.6g} s. Check its load, damage and parameters."
             raise ConvergenceError(msg)
         self._onsets = onsets  # not before: a window that is refused leaves everything as it was
 
         present, slopes = np.isfinite(y), (found[1:] - found[0]) / steps[:, None, None]
-        lasting = np.concatenate([slopes[: common - 1], self._of_sensors(felt[0], found[0])])
-        weigh = self._weights(present).weigh
-        rows = weigh(np.concatenate([np.where(present, y - found[0], 0.0)[None], lasting, slopes[common - 1 :]]))
-        self._evidence = self._evidence or Evidence(np.r_[-self._z, np.zeros(len(lasting) - len(self._z))], zones)
+        added = (fine[:1] - found[:1])[: self._finer is not None]
+        slopes[: common - 1] += self._share * ((fine[1:] - fine[0]) / MOVED - slopes[: common - 1])
+        lasting = np.concatenate([slopes[: common - 1], self._of_sensors(felt[0], found[0]), HALF * added])
+        mesh = self._share * math.sqrt(np.var(added, axis=2).sum() / max(float(np.var(found[0], axis=1).sum()), 1e-300))
+        rest = self._rest(self._share * added, n)
+        weights = self._weights([present], [rest])
+        rows = weights.weigh(np.concatenate([np.where(present, y - found[0], 0.0)[None], lasting, slopes[common - 1 :]]))
+        if self._evidence is None:
+            of_sensors = np.zeros(len(lasting) - len(self._z) - len(added))
+            self._evidence = Evidence(np.r_[-self._z, of_sensors, np.ones(len(added))], zones)
         self._evidence.add(rows[0], rows[1:].T, stay)
         moves = self._evidence.lasting[: common - 1]
-        if self._place is None and np.abs(moves).max(initial=0.0) > PRECISE and self._rounds < ROUNDS:
+        before, self._share = self._share, HALF * float(np.clip(self._evidence.lasting[-1], 0.0, 2.0))
+        far = np.abs(moves).max(initial=0.0) > PRECISE or (self._finer is not None and abs(self._share - before) > ALIKE)
+        if self._place is None and far and self._rounds < ROUNDS:
             self._rounds += 1
             self._z = np.clip(self._z + moves, -BEYOND, BEYOND)
             self._onsets, self._evidence, self._error = self._onsets[:0], None, None
@@ -281,23 +322,43 @@ class Watch:
             sees = needed / np.sqrt(self._evidence.curvature.max(axis=0))
         alarm = self._suspected is None and bool((evidence > 1.0).any())
         if self._suspected is None and not alarm:  # damage would bend it
-            self._found = counted_from(-self._z, self._evidence.lasting)
-        judged = JudgedWindow(self._time, place.take(np.zeros(1, dtype=int)), y, loads, self._z, lasting)
-        off = weigh(np.where(present, judged.about(self._z, self._found) - found[0], 0.0)[None])
-        misfit = float(np.sum(off**2)) / max(1, present.sum() - present.any(axis=1).sum())
-        self._before = [*self._before[-OLDEST:], judged]
+            self._found, self._spread = counted_from(-self._z, self._evidence.lasting), self._evidence.covariance
+        fine_place = None if self._fine is None else self._fine.take(np.zeros(1, dtype=int))
+        judged = JudgedWindow(self._time, place.take(np.zeros(1, dtype=int)), fine_place, y, loads, self._z, lasting, rest)
+        off = weights.weigh(np.where(present, judged.about(self._z, self._found) - found[0], 0.0)[None])[0]
+        counted = present.sum(axis=1) - present.any(axis=1)  # an offset of each
+        squares = np.array([np.sum(off[values] ** 2) for values in weights.of_sensors])
+        left = np.sqrt(squares / np.where(counted > 0, counted, np.nan))
+        misfit = float(squares.sum()) / max(1, counted.sum())
+        self._before = [*self._before[-OLDEST:], replace(judged, left=left)]
         self._time, self._last = self._time + n * self._h, raw[:, -STILL:]
-        self._place, self._window, finding = after, self._window + 1, None
-        if self._suspected is not None:
-            finding = self._find(self._suspected)
-        elif alarm:
-            self._suspected = float(self._onsets[self._evidence.likeliest(), 1])
-        else:
-            self._scores += [float(self._evidence.scores.mean())] * (len(self._scores) < SETTLED)
+        self._place, self._fine, self._window, finding = after, fine_after, self._window + 1, None
+        innocent = self._faulty
+        looking = self._suspected is not None
+        if alarm or looking:
+            self._suspected = float(self._onsets[self._evidence.scores.max(axis=1).argmax(), 1])
+        if looking:
+            finding = self._find(mesh)
+        elif not alarm:
+            if len(self._scores) < SETTLED:
+                self._scores.append(float(self._evidence.scores.mean()))
+                self._usual = max(self._usual, misfit)
             self._z, self._place = self._z + moves, after.moved_along(moves / MOVED)
+            self._fine = fine_after and fine_after.moved_along(moves / MOVED)
             self._evidence.recentre(moves)
+        faulty = np.isin(np.arange(sensors), [*self._faulty])
+        without = tuple((1 + np.flatnonzero(still.any(axis=1) | np.isnan(y).all(axis=1) | faulty)).tolist())
         return Window(
-            time=self._time, evidence=evidence, sees=sees, alarm=alarm, misfit=misfit, finding=finding, without=without
+            time=self._time,
+            evidence=evidence,
+            sees=sees,
+            alarm=alarm,
+            misfit=misfit,
+            mesh=mesh,
+            left=left,
+            finding=finding,
+            blamed=tuple(sorted(1 + k for k in self._faulty - innocent)),
+            without=without,
         )
 
     def _kept(self) -> Rows:
@@ -321,17 +382,23 @@ class Watch:
             each = self._error.along(strain, reading)
         return (each[:, None] * np.eye(len(reading))[:, :, None]).reshape(-1, *reading.shape)
 
-    def _weights(self, *present: Rows) -> RecordWeights:
-        """Return what windows are weighed by: noise, and in each of them any offset and what the errors of sensors leave."""
+    def _rest(self, added: Matrix, n: int) -> Matrix:
+        """Return components of what errors of sensors, and of what a finer mesh adds, leave of a window, (k, s, n)."""
+        of_sensors = [] if self._error is None else [self._error.rest(REST, n)]
+        of_meshes = [LEFT * process_like(each) for each in added]
+        return np.concatenate([np.zeros((0, len(self._sigma), n)), *of_sensors, *of_meshes])
+
+    def _weights(self, present: Sequence[Rows], rest: Sequence[Matrix], beside: Matrix | None = None) -> RecordWeights:
+        """Return what windows are weighed by: noise, in each of them any offset and what is left, and components beside."""
         whole = np.concatenate(present, axis=1)
         offset = np.broadcast_to(ANY * self._sigma[:, None], (1, *whole.shape))
         own, first = list[Matrix](), 0
-        for n in (each.shape[1] for each in present):
-            rest = [] if self._error is None else [self._error.rest(REST, n)]
-            rows = np.concatenate([offset[:, :, :n], *rest])
+        for each in rest:
+            n = each.shape[2]
+            rows = np.concatenate([offset[:, :, :n], each])
             own.append(np.pad(rows, ((0, 0), (0, 0), (first, whole.shape[1] - first - n))))
             first += n
-        return RecordWeights(whole, self._sigma, offset[:0], own=np.concatenate(own))
+        return RecordWeights(whole, self._sigma, offset[:0] if beside is None else beside, own=np.concatenate(own))
 
     def _around(self) -> Matrix:
         """Return where the twin and its moved neighbours stand, shape (1 + q, q)."""
@@ -344,56 +411,96 @@ class Watch:
         simulated = len(self._nuisances.simulated)
         if not self._rounds:
             self._z = np.zeros(simulated + len(loads))
-        places = []
+        places, fine = [], []
         for z in self._around():
             given = {name: float(value[0]) for name, value in self._nuisances.moved(z[None, :simulated]).items()}
             given |= {name: factor * forward.inputs[name] for name, factor in self._factors(z).items()}
             places.append(self._sensed.begin(self._damage, given, self._h))
+            if self._finer is not None:
+                fine.append(self._finer.begin(self._damage, given, self._h))
+        self._fine = Place.joined(fine) if fine else None
         return Place.joined(places)
 
-    def _find(self, suspected: float) -> DamageOnset:
-        """Fit onset and damages to the windows since the one before the likeliest onset, and go on from there."""
-        length = self._h * self._before[-1].y.shape[1]
+    def _on_finer(
+        self, place: Place | None, damage: Matrix, loads: Mapping[str, Vector], found: Matrix
+    ) -> tuple[Matrix, Place | None]:
+        """Return readings on a finer mesh, shape (m, s, n), and where they end; without one, those that are found."""
+        if self._finer is None or place is None:
+            return found, None
+        read, _, after = self._finer.advance(place, damage, loads, self._h)
+        return read, after
+
+    def _find(self, mesh: float) -> DamageOnset | None:
+        """Fit onset and damages to the windows since the one before the likeliest onset; None if a sensor is to blame.
+
+        From damages that explain the readings the watch goes on. Where none do, a sensor is to blame if it alone is not
+        explained without damage: it is left out from then on. Else the fit is tried again with the next windows.
+        """
+        suspected, length = self._suspected or 0.0, self._h * self._before[-1].y.shape[1]
         self._before = [seen for seen in self._before if seen.time > suspected - 2.0 * length] or self._before[-1:]
         z = self._before[0].z
         windows = [replace(seen, y=seen.about(z, self._found)) for seen in self._before]
-        weights = self._weights(*(np.isfinite(seen.y) for seen in windows))
-        problem = OnsetProblem(self._sensed, windows, weights, self._damage, self._h)
-        whole = np.ones(problem.low.size, dtype=bool)
-        near = (suspected - self._before[0].time) / self._h
-        n = self._before[-1].y.shape[1]
-        found = _deepest(problem, problem.first_guesses(max(0.0, near - n), near + n), whole)
-        for _ in range(ROUNDS):  # chi2 has a valley for each period of the stiffer waves
-            beside = [found.point.x + shift * np.eye(whole.size)[0] for shift in SHIFTS]
-            better = _deepest(problem, beside, whole, most=4)
-            if better.point.chi2 >= found.point.chi2:
-                break
-            found = better
-        relative = Quadratic(A=found.model.A, g=found.model.g, at=found.model.at - np.r_[0.0, self._damage])
-        box = Box(zones=np.arange(whole.size) > 0, low=problem.low - found.model.at, high=problem.high - found.model.at)
-        stays, move = drop_zones(relative, box)
-        found = descend(problem, np.clip(found.model.at + move, problem.low, problem.high), stays)
-        deviation = np.zeros(whole.size)
-        deviation[stays] = np.sqrt(np.diag(np.linalg.pinv(found.model.A, hermitian=True)))
-        assert self._place is not None  # since windows were judged
-        lasting = self._place.take(np.arange(1 + len(self._z))).moved(problem.simulate(found.point.x[None])[1])
-        self._place = lasting.moved_along((self._z - z) / MOVED)
-        self._damage = found.point.x[1:].copy()
-        onset = self._before[0].time + self._h * float(found.point.x[0])
-        assert self._evidence is not None
-        self._suspected, self._before, self._onsets, self._scores = None, [], self._onsets[:0], []
-        self._evidence.forget(counted_from(self._z, self._found))
-        return DamageOnset(
+        problem = self._onset_problem(windows)
+        x = problem.search((suspected - self._before[0].time) / self._h, windows[-1].y.shape[1])
+        x, deviation, chi2_per_sample = problem.settled(x)
+        for _ in range(CORRECTIONS if self._finer is not None else 0):
+            problem = self._onset_problem(self._corrected(problem, x))
+            x, deviation, chi2_per_sample = problem.settled(x)
+        deviation *= math.sqrt(max(1.0, *self._scores))
+        found = DamageOnset(
             zones=self.zones,
-            onset=onset,
+            onset=self._before[0].time + self._h * float(x[0]),
             onset_deviation=self._h * float(deviation[0]),
-            damage=self._damage.copy(),
+            damage=x[1:].copy(),
             deviation=deviation[1:],
-            chi2_per_sample=found.point.chi2 / (problem.values - len(found.model.g)),
+            chi2_per_sample=chi2_per_sample,
+            chi2_bound=EXPLAINED * self._usual,
+            mesh=mesh,
         )
+        left = np.fmax.reduce([seen.left for seen in self._before])
+        bad = np.flatnonzero(left**2 > EXPLAINED * self._usual) if np.isfinite(left).sum() > 1 else np.zeros(0, dtype=int)
+        self._tries += 1
+        if not found.valid and bad.size != 1 and self._tries < TRIES:
+            return found
+        assert self._place is not None  # since windows were judged
+        assert self._evidence is not None
+        self._place = self._place.take(np.arange(1 + len(self._z)))
+        if found.valid:
+            self._place = self._place.moved(problem.simulate(x[None])[1]).moved_along((self._z - z) / MOVED)
+            self._damage = found.damage.copy()
+            fine = self._on_finer(self._before[0].fine, problem.damages(x[None]), problem.loads, x)[1]
+            self._fine = self._fine and fine and self._fine.moved(fine).moved_along((self._z - z) / MOVED)
+        self._suspected, self._tries, self._before, self._onsets, self._scores = None, 0, [], self._onsets[:0], []
+        self._evidence.forget(counted_from(self._z, self._found))
+        if found.valid or bad.size != 1:
+            return found
+        self._faulty = self._faulty | {int(bad[0])}
+        return None
+
+    def _onset_problem(self, windows: list[JudgedWindow]) -> OnsetProblem:
+        """Return the least squares of some windows, beside what is not known of what lasts."""
+        L = np.linalg.cholesky(self._spread)
+        lasting = np.concatenate([seen.lasting for seen in windows], axis=2)
+        unknown = np.tensordot(L.T, lasting, axes=1)
+        weights = self._weights([np.isfinite(seen.y) for seen in windows], [seen.rest for seen in windows], unknown)
+        return OnsetProblem(self._sensed, windows, weights, self._damage, self._h)
+
+    def _corrected(self, problem: OnsetProblem, x: Vector) -> list[JudgedWindow]:
+        """Return the windows less what a finer mesh adds at an onset and damages, in place of what it adds without."""
+        z, found, own = self._before[0].z, np.r_[self._found[:-1], 0.0], problem.predict(x[None])
+        more = self._on_finer(self._before[0].fine, problem.damages(x[None]), problem.loads, own)[0] - own
+        more *= HALF * self._found[-1]
+        parts = np.split(more, np.cumsum([seen.y.shape[1] for seen in self._before])[:-1], axis=2)
+        return [
+            replace(seen, y=seen.about(z, found) - part[0], rest=self._rest(part, part.shape[2]))
+            for seen, part in zip(self._before, parts, strict=True)
+        ]
 
 
-def _deepest(problem: OnsetProblem, starts: list[Vector], free: Rows, most: int = 12) -> Minimum:
-    """Descend from some starts, in parallel; return the minimum with the smallest chi2."""
-    with ThreadPoolExecutor(WORKERS) as pool:
-        return min(pool.map(lambda start: descend(problem, start, free, most), starts), key=lambda found: found.point.chi2)
+def finer_of(forward: Forward) -> Forward | None:
+    """Return the same membrane with finer elements; None of another model, or where there would be too many."""
+    if not isinstance(forward, MembraneForward):
+        return None
+    finer = forward.structure.finer()
+    small = len(finer.mesh.nodes) <= MOST_NODES
+    return MembraneForward(finer, {**forward.parameters, **forward.inputs}) if small else None

@@ -8,7 +8,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from scipy.linalg import matmul_toeplitz
+from scipy.linalg import matmul_toeplitz, toeplitz
 
 from ..arrays import Matrix, Rows, Vector
 
@@ -120,6 +120,20 @@ def scale_evidence(G: Matrix, b: Vector, scales: Vector) -> Vector:
     g, V = np.linalg.eigh(G)
     g, c, s2 = np.maximum(g, 0.0), V.T @ b, scales[:, None] ** 2
     return np.asarray(np.sum(s2 * c**2 / (1.0 + s2 * g) - np.log1p(s2 * g), axis=1))
+
+
+def process_of(spectrum: Vector) -> tuple[Vector, Matrix]:
+    """Return variances and modes of n samples of a stationary process, of its power at n + 1 frequencies."""
+    n = spectrum.size - 1
+    variance, modes = np.linalg.eigh(toeplitz(np.fft.irfft(spectrum)[:n] / n))
+    return variance, modes
+
+
+def process_like(y: Matrix) -> Matrix:
+    """Return components of a stationary process of each row, with the spectrum of its values about their mean, (n, s, n)."""
+    moving = y - y.mean(axis=1, keepdims=True)
+    found = [process_of(np.abs(np.fft.rfft(row, 2 * row.size)) ** 2) for row in moving]
+    return np.stack([(modes * np.sqrt(np.maximum(variance, 0.0))).T for variance, modes in found], axis=1)
 
 
 def _modes(components: Matrix) -> tuple[Matrix, Vector]:

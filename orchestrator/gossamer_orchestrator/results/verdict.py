@@ -70,7 +70,7 @@ def make_verdict(data: xr.Dataset, ended: Sequence[Judgement], watched: dict[str
     watched : dict or None
         Content of ``watch.json``.
     """
-    more, sensing = _watch_sentences(watched), sensor_doubts(data)
+    more, sensing = _beside_headline(watched), sensor_doubts(data)
     if (finding := _explained(watched)) is not None:
         return _by_twin(finding, data, ended, sensing, more)
     if not ended:
@@ -82,7 +82,7 @@ def make_verdict(data: xr.Dataset, ended: Sequence[Judgement], watched: dict[str
         return Verdict("invalid", "No valid judgement. " + reasons[0], reasons[1:] + more)
     last, found = valid[-1], found_zones(valid[-1])
     certain = bool(np.isfinite(last.deviation).all())
-    rest, alarmed = [z for z in range(last.estimated.size) if z not in found], _is_alarmed(watched)
+    rest, alarmed = [z for z in range(last.estimated.size) if z not in found], is_alarmed(watched)
     is_open = not last.determined[rest].all()
     if found:
         sentence = f"Damaged: {_judged(last)}{_undamaged(last, rest, certain)}."
@@ -210,21 +210,26 @@ def _truth(estimated: Array, known: Array, labels: Sequence[str]) -> str:
     return f"True then: {true or 'no damage'}; {error}."
 
 
-def _is_alarmed(watched: Mapping[str, Any] | None) -> bool:
+def is_alarmed(watched: Mapping[str, Any] | None) -> bool:
     """Tell whether the twin raised an alarm, and did not find afterwards that no zone is damaged."""
     alarms, findings = ((watched or {}).get(what, []) for what in ("alarms", "findings"))
     return len(findings) < len(alarms) or any(np.any(np.asarray(each["damage"]) > 0.0) for each in findings)
 
 
-def _watch_sentences(watched: dict[str, Any] | None) -> list[str]:
-    """Say what the twin that watched the run found."""
+def watch_sentences(watched: Mapping[str, Any]) -> list[str]:
+    """Say which alarms a watch raised, and what it found."""
+    alarms, findings = watched.get("alarms", []), watched.get("findings", [])
+    if not alarms:
+        return [f"The digital twin raised no alarm in {counted(len(watched.get('misfit', [])), 'window')}."]
+    return [f"The digital twin raised its first alarm at t = {alarms[0]:.4f} s.", *map(_dated, findings)]
+
+
+def _beside_headline(watched: Mapping[str, Any] | None) -> list[str]:
+    """Say what the twin that watched a run found, but for what the headline says."""
     if not watched:
         return []
-    alarms, findings, seen = watched.get("alarms", []), watched.get("findings", []), sight(watched)
-    if not alarms:
-        return [f"The digital twin raised no alarm in {counted(len(watched.get('misfit', [])), 'window')}.", *seen]
-    dated = findings if _explained(watched) is None else findings[:-1]  # the headline says the last
-    return [f"The digital twin raised its first alarm at t = {alarms[0]:.4f} s.", *map(_dated, dated), *seen]
+    said = watch_sentences(watched)
+    return [*(said if _explained(watched) is None else said[:-1]), *sight(watched)]
 
 
 def sight(watched: Mapping[str, Any]) -> list[str]:

@@ -15,7 +15,7 @@ import pytest
 from command_line import invoke
 from gossamer import LiveWatch
 from gossamer.records import find_in_results
-from gossamer.watching import Watching
+from gossamer.watched import Watching
 from gossamer_models.batch import Batch
 from gossamer_models.membrane import membrane_model, square_structure
 from gossamer_models.twin import DamageOnset, Window
@@ -23,6 +23,7 @@ from gossamer_orchestrator import Recorder, Simulation, load_scenario, make_plan
 from gossamer_orchestrator.results.dataset import make_dataset
 from gossamer_orchestrator.scenario.schema import Recording
 from gossamer_orchestrator.scenario.source import shipped_scenarios
+from reading_pages import read_page
 from rich.console import Console
 
 STEP, ONSET = 3e-4, 0.2104
@@ -54,10 +55,12 @@ def test_an_alarm_is_printed_and_the_finding_written(record):
     for name in ("results.nc", "report.html"):  # as beside the record of a run
         record.with_name(name).touch()
     result = invoke(["watch", str(record), *MESH])
+    _, charts = read_page(record.parent / "watch" / "report.html")
+    assert {"Damage", "Evidence of new damage", "What the twin leaves unexplained", "Damage that is seen"} <= set(charts)
     assert result.exit_code == 0, result.output
     assert "ALARM" in result.stderr
-    assert f"The page of the run shows it: type 'gossamer view {record.parent}'." in " ".join(result.stderr.split())
-    found = json.loads(Path(result.stdout.strip()).read_text(encoding="utf-8"))
+    assert f"The page shows it: type 'gossamer view {record.parent}'." in " ".join(result.stderr.split())
+    found = json.loads(Path(result.stdout.splitlines()[0]).read_text(encoding="utf-8"))
     assert "too few for a window: not judged." in result.stderr
     assert len(found["alarms"]) == 1
     assert 0.0 < found["alarms"][0] - ONSET < 0.1
@@ -102,13 +105,20 @@ def test_what_no_new_damage_explains_has_an_alarm_and_no_zones(record, tmp_path)
     assert found["findings"] == []
 
 
+def judged_window(misfit=1.0, **known):
+    return Window(sees=0.01 * ONE, misfit=misfit, mesh=0.0, left=np.ones(4), **known)
+
+
+def onset(damage, chi2_per_sample=1.0, mesh=0.0):
+    found = {"damage": damage * ONE, "deviation": 0.01 * ONE, "chi2_per_sample": chi2_per_sample, "mesh": mesh}
+    return DamageOnset(zones=("rim",), onset=0.5, onset_deviation=0.1, chi2_bound=1.5, **found)
+
+
 def test_a_window_between_others_that_the_twin_does_not_explain_is_not_passed_over(tmp_path):
     def after(*misfits, alarm=None):
         seen = Watching(files=[tmp_path / "watch.json"], zones=("rim",))
         for k, misfit in enumerate(misfits):
-            seen.take(
-                Window(time=k + 1.0, evidence=ONE, sees=0.01 * ONE, alarm=k == alarm, misfit=misfit), Console(quiet=True)
-            )
+            seen.take(judged_window(time=k + 1.0, evidence=ONE, alarm=k == alarm, misfit=misfit), {}, Console(quiet=True))
         return seen
 
     assert after(1.0, 1.0, 1.0).exit_code() == after(1.0, 9.0, 3.0, 1.0, alarm=1).exit_code() == 0
@@ -123,14 +133,40 @@ def test_a_window_between_others_that_the_twin_does_not_explain_is_not_passed_ov
 
 def test_an_alarm_that_is_taken_back_is_said_to_be(tmp_path, capsys):
     seen, console = Watching(files=[tmp_path / "watch.json"], zones=("rim",)), Console(width=120)
-    judged = Window(time=1.0, evidence=2.0 * ONE, sees=0.01 * ONE, alarm=True, misfit=1.0)
-    seen.take(judged, console)
-    nothing = DamageOnset(
-        zones=("rim",), onset=0.5, onset_deviation=0.1, damage=0.0 * ONE, deviation=0.0 * ONE, chi2_per_sample=1.0
-    )
-    seen.take(replace(judged, time=2.0, alarm=False, finding=nothing), console)
-    assert "The alarm at t = 1.0000 s is taken back: one window later no zone has more damage." in capsys.readouterr().out
+    judged = judged_window(time=1.0, evidence=2.0 * ONE, alarm=True)
+    seen.take(judged, {}, console)
+    seen.take(replace(judged, time=2.0, alarm=False, finding=onset(0.0)), {}, console)
+    assert "The alarm at t = 1.0000 s is taken back: by t = 2.0000 s no zone has more damage." in capsys.readouterr().out
     assert seen.exit_code() == 0
+
+
+def test_a_finding_that_explains_the_readings_stands_in_place_of_one_that_did_not(tmp_path, capsys):
+    seen, console = Watching(files=[tmp_path / "watch.json"], zones=("rim",)), Console(width=120)
+    judged = judged_window(time=1.0, evidence=2.0 * ONE, alarm=True)
+    seen.take(judged, {}, console)
+    for time, chi2 in ((2.0, 3.0), (3.0, 2.0)):
+        seen.take(replace(judged, time=time, alarm=False, finding=onset(0.3, chi2_per_sample=chi2)), {}, console)
+    assert len(seen.withheld) == 1
+    assert seen.exit_code() == 3
+    seen.take(replace(judged, time=4.0, alarm=False, finding=onset(0.2)), {}, console)
+    assert (seen.agreed, len(seen.findings), seen.withheld) == ([4.0], 1, [])
+    assert seen.exit_code() == 0
+    seen.take(replace(judged, time=5.0), {}, console)
+    seen.take(replace(judged, time=6.0, alarm=False, finding=onset(0.3, mesh=0.3)), {}, console)
+    assert "finer elements add 30 % of the change of the readings" in " ".join(capsys.readouterr().out.split())
+    assert "Zones were withheld after an alarm" in seen.more()[1]
+    assert seen.exit_code() == 3
+
+
+def test_an_alarm_that_one_sensor_makes_is_no_damage(tmp_path, capsys):
+    seen, console = Watching(files=[tmp_path / "watch.json"], zones=("rim",)), Console(width=200)
+    judged = judged_window(time=1.0, evidence=2.0 * ONE, alarm=True)
+    seen.take(judged, {}, console)
+    seen.take(replace(judged, time=2.0, alarm=False, finding=onset(0.3, chi2_per_sample=9.0)), {}, console)
+    seen.take(replace(judged, time=3.0, alarm=False, blamed=(3,), without=(3,)), {}, console)
+    assert "no damage explains what sensor 3 reads, and the others show none" in " ".join(capsys.readouterr().out.split())
+    assert (seen.alarms, seen.withheld, seen.faults) == ([], [], [{"sensor": 3, "alarm": 1.0, "time": 3.0}])
+    assert seen.content["faults"] == seen.faults
 
 
 @pytest.mark.parametrize(
@@ -167,7 +203,7 @@ def test_the_observer_hands_every_sample_to_the_twin_once(built, monkeypatch, tm
         def advance(self, values, loads):
             taken.append(values)
             none = np.zeros(len(self.zones))
-            return Window(time=float(len(taken)), misfit=1.0, evidence=none, sees=none, alarm=len(taken) == 2)
+            return judged_window(time=float(len(taken)), evidence=none, alarm=len(taken) == 2)
 
     monkeypatch.setattr(sys.modules[LiveWatch.__module__], "_begin", lambda *_: Twin())
     recorder = Recorder(plan)

@@ -6,27 +6,21 @@ Only a valid judgement calls a zone damaged, and has the colours of damage. Dama
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from gossamer_files.charts import Array, Chart, Stages, Trace, band, bars, curve, heat, points, rule, words
 from gossamer_files.plots import Panels
 
 from ...errors import ResultsError
-from ..dataset import find, find_all, need, parameters_of, zone_label, zone_labels
+from ..dataset import find, find_all, need, parameters_of, zone_labels
 from ..judgements import LARGEST_MISFIT, LEAST_SIMILARITY, MOST_WINDOWS, changes, doubts, judge, true_damage
 from ..readers import Recorded, over_time
+from .watch import COLORED, MOST_MARKERS, alarm_rules, marked, watch_charts
 
-MOST_MARKERS = 300  # more would be a line, and slow
-COLORED = 6  # zones
 SUSPECT = 3.0  # [%] a zone that is judged so much damaged has a colour
 CERTAIN, UNCERTAIN = 0.05, 5.0  # [%] damage that counts as found, of a detector that states its deviation or not
-EXPLAINED = (
-    "chi2 per sample is the mean square of what the twin leaves unexplained over that of the noise: 1 is noise alone."
-)
 
 
 class DamageHistory:
@@ -217,13 +211,8 @@ def history_charts(judged: DamageHistory) -> list[Chart]:
     ]
     text = "Estimated damage of the zones over time, true damage dashed, with alarms and onsets." * bool(judged.time.size)
     layout = {"yaxis": {"rangemode": "tozero"}}
-    more = {"note": " ".join(filter(None, note)), "text": text, "layout": layout, "marks": _alarms(watch), "broad": True}
+    more = {"note": " ".join(filter(None, note)), "text": text, "layout": layout, "marks": alarm_rules(watch), "broad": True}
     return [over_time("Damage over time", "damage [%]", traces, **more)]
-
-
-def _alarms(watch: Mapping[str, Any]) -> list[Trace]:
-    """Return lines at the alarms of the twin."""
-    return [rule(x=alarm, color="@alarm", dash="dashdot", width=2) for alarm in watch.get("alarms", [])]
 
 
 def _judgements(judged: DamageHistory, shown: list[int]) -> list[Trace]:
@@ -258,7 +247,7 @@ def _judgements(judged: DamageHistory, shown: list[int]) -> list[Trace]:
 
 def doubt_charts(judged: DamageHistory) -> list[Chart]:
     """Draw how the detector and the twin measure whether they are to be trusted."""
-    charts, ended, watch = [], judged.run.ended, judged.run.watch
+    charts, ended = [], judged.run.ended
     likeness = ended[-1].likeness if ended else ""
     measures = np.array([window.likeness_value for window in ended])
     if likeness and np.isfinite(measures).any():
@@ -268,27 +257,13 @@ def doubt_charts(judged: DamageHistory) -> list[Chart]:
         title = f"{likeness.capitalize()} with what the detector was trained on"
         note = f"The {likeness} is {what}; a judgement is valid {side} {limit:g}."
         charts.append(_measured(title, judged.time, measures, limit, f"{likeness} [1]", note))
-    if watch.get("time") and watch.get("score"):
-        time, scores = np.array(watch["time"]), np.array(watch["score"], dtype=float)
-        scores[scores == 0.0] = np.nan  # nothing was judged
-        traces = [_line("chi2 per sample", time, np.array(watch["misfit"], dtype=float), "@ink")]
-        for i, z in enumerate(np.argsort(-np.nan_to_num(scores).max(axis=0), kind="stable")[:COLORED].tolist()):
-            traces.append(_line(f"zone {zone_label(watch['zones'][z])}", time, scores[:, z], f"@{i}"))
-        note = f"At the end of each of its windows. {EXPLAINED} A score of new damage in a zone above 1 is an alarm."
-        layout = {"yaxis": {"type": "log"}}
-        title = "Misfit and evidence of the digital twin"
-        charts.append(over_time(title, "[1]", traces, note=note, marks=_alarms(watch), layout=layout))
-    return charts + _indices(judged)
-
-
-def _line(name: str, x: Array, y: Array, color: str = "@0") -> Trace:
-    return curve(name, x, y, color) | {"mode": "lines" + "+markers" * (len(x) <= MOST_MARKERS), "cliponaxis": False}
+    return [*charts, *watch_charts(judged.run.watch), *_indices(judged)]
 
 
 def _measured(title: str, time: Array, values: Array, limit: float, y: str, note: str) -> Chart:
     limits = [rule(y=limit, color="@alarm", dash="dash")]
     layout = {"yaxis": {"rangemode": "tozero"}, "showlegend": False}
-    return over_time(title, y, [_line(y.split(" [")[0], time, values)], note=note, marks=limits, layout=layout)
+    return over_time(title, y, [marked(y.split(" [")[0], time, values)], note=note, marks=limits, layout=layout)
 
 
 def _indices(judged: DamageHistory) -> list[Chart]:

@@ -18,12 +18,13 @@ from ...pages import PAGE, Page, folded, on_page, table, write_page, written
 from ...words import counted, recorded
 from ..dataset import find_all
 from ..files import MESSAGES
-from ..judgements import Judgement, onset_table, window_table
+from ..judgements import Judgement, window_table
 from ..readers import Recorded, curve_of, over_time
 from ..verdict import make_verdict
 from .damage import DamageHistory, doubt_charts, history_charts, zone_charts
 from .membrane import membrane_charts
 from .sensors import sensor_charts
+from .watch import watch_tables
 
 ASSETS = Path(__file__).with_name("assets")
 OTHERS = 24  # curves of what has no picture of its own
@@ -83,7 +84,7 @@ def run_page(data: xr.Dataset, folder: Path) -> Page:
         facts=[
             _run_table(data, len(run.time)),
             _messages(folder),
-            _watch_tables(run.watch),
+            watch_tables(run.watch),
             _judgement_tables(run.ended),
             _components(data),
             _connections(data),
@@ -220,15 +221,6 @@ def _scenario(data: xr.Dataset) -> str:
     """Return the scenario's text."""
     text = data.attrs.get("scenario")
     return folded("The scenario file", f"<pre>{escape(str(text))}</pre>") if text else ""
-
-
-def _watch_tables(watched: Mapping[str, Any] | None) -> str:
-    """Return a table of the damages that began while the twin watched the run, for each onset."""
-    found = [
-        onset_table(each["onset"], each["onset_deviation"], each["damage"], each["deviation"], each.get("zones", ()))
-        for each in (watched or {}).get("findings", [])
-    ]
-    return "\n".join(table(each.head, each.rows, f"{each.caption}, by the digital twin") for each in found)
 
 
 def _judgement_tables(ended: Sequence[Judgement]) -> str:
