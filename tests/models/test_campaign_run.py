@@ -21,6 +21,7 @@ from gossamer_models.campaign.run import ChunkTask, write_chunk
 from gossamer_models.campaign.store import SCHEMA, VERSION
 from gossamer_models.compensator import compensator_model
 from gossamer_models.membrane import membrane_model, square_structure
+from gossamer_models.mistakes import DescriptionError
 from gossamer_models.sensor import sensor_model
 
 zarr = pytest.importorskip("zarr", reason="campaigns need the extra 'campaign'")
@@ -345,3 +346,22 @@ def test_the_chain_is_that_of_the_steppers(tmp_path):
     assert data["compensated_strain"].attrs["delay"] == 0.0
     noise = (campaigns.measured_resistance(data) - data["resistance"]).to_numpy()
     assert noise.std() == pytest.approx(0.001 * change, rel=4 / np.sqrt(2 * noise.size))
+
+
+def test_a_share_of_the_cases_runs_on_finer_elements(tmp_path):
+    """The same cases, and one chunk of four of them as on a square of twice the elements."""
+    mixed = replace(TINY, cases=16, membrane=replace(TINY.membrane, finer=0.25))
+    campaigns.run_campaign(mixed, tmp_path / "mixed.zarr", workers=1)
+    data = campaigns.read_campaign(tmp_path / "mixed.zarr")
+    assert data["finer"].to_numpy().tolist() == [False] * 12 + [True] * 4
+    own, finer = (replace(mixed, membrane=campaigns.Mesh(elements_per_side=sides, order=1)) for sides in (4, 8))
+    for asked, chunk in ((own, 2), (finer, 3)):
+        alone = run_chunk(asked, build_kernels(asked), chunk)
+        found = data.isel(case=slice(4 * chunk, 4 * chunk + 4))
+        np.testing.assert_allclose(found["strain"], alone["strain"], rtol=0, atol=1e-6)
+        np.testing.assert_array_equal(found["damage"], alone["damage"])
+
+
+def test_a_share_of_finer_cases_that_is_none_is_refused():
+    with pytest.raises(DescriptionError, match=r"'finer' is 2\. Write a share of the cases from 0 to 1\."):
+        replace(TINY.membrane, finer=2.0)

@@ -145,6 +145,8 @@ class Kernels:
     ----------
     membrane : Batch
         Kernel of the membrane.
+    finer : Batch or None
+        The same with finer elements, if some chunks run on them.
     zones : int
         Number of its zones.
     chain : ChainKernels or None
@@ -154,6 +156,7 @@ class Kernels:
     """
 
     membrane: Batch
+    finer: Batch | None
     zones: int
     chain: ChainKernels | None
     digests: dict[str, str]
@@ -169,17 +172,17 @@ def build_kernels(campaign: CampaignPlan) -> Kernels:
     GossamerError
         A model or its artifact cannot be used.
     """
-    membrane = membrane_model(campaign.membrane.structure)
+    structure = campaign.membrane.structure
+    models = [membrane_model(each) for each in (structure, *([structure.finer()] if campaign.membrane.finer else []))]
+    begun = models[0].elements("damage") if campaign.begins else ()
+    own, *finer = (Batch(each, each.elements("strain"), (*begun, *campaign.membrane.histories)) for each in models)
     chain, digests = (None, {}) if campaign.chain is None else chain_kernels(campaign.chain)
     return Kernels(
-        membrane=Batch(
-            membrane,
-            membrane.elements("strain"),
-            (*(membrane.elements("damage") if campaign.begins else ()), *campaign.membrane.histories),
-        ),
-        zones=campaign.membrane.structure.n_zones,
+        membrane=own,
+        finer=finer[0] if finer else None,
+        zones=structure.n_zones,
         chain=chain,
-        digests={membrane.name: membrane.digest, **digests},
+        digests={models[0].name: models[0].digest, **{f"finer {each.name}": each.digest for each in models[1:]}, **digests},
     )
 
 
@@ -198,8 +201,8 @@ def run_chunk(campaign: CampaignPlan, kernels: Kernels, chunk: int) -> dict[str,
     Returns
     -------
     dict of ndarray
-        By name: ``damage``, shape (n, zones), ``sensor_gain``, shape (n, sensors), each quantity that varies, shape (n,),
-        ``failed``, shape (n,), and histories ``strain`` [1], with a chain also ``resistance`` [ohm] and
+        By name: ``damage``, shape (n, zones), ``sensor_gain``, shape (n, sensors), each quantity that varies, ``failed``
+        and, where some are, ``finer``, shape (n,), and histories ``strain`` [1], with a chain also ``resistance`` [ohm] and
         ``compensated_strain`` [1], shape (n, sensors, T), float32. Histories of failed cases are not a number.
     """
     cases = draw_cases(campaign, campaign.numbers(chunk))
@@ -207,7 +210,8 @@ def run_chunk(campaign: CampaignPlan, kernels: Kernels, chunk: int) -> dict[str,
     first, acting = acting_on(campaign, cases)
     there = np.where(cases.onset[:, None] <= 0.0, cases.damage, 0.0)
     start: dict[str, ArrayLike] = {**campaign.membrane.parameters, **first, **varied, "damage": there}
-    run = kernels.membrane.run(campaign.steps, campaign.step, start, _damage_histories(campaign, cases) | acting)
+    kernel = kernels.finer if kernels.finer is not None and campaign.membrane.is_finer(chunk) else kernels.membrane
+    run = kernel.run(campaign.steps, campaign.step, start, _damage_histories(campaign, cases) | acting)
     histories, failed = {"strain": run.results}, run.failed
     if kernels.chain is not None:
         rest = rest_strain(campaign, kernels, varied), rest_strain(campaign, kernels, {})
@@ -219,6 +223,7 @@ def run_chunk(campaign: CampaignPlan, kernels: Kernels, chunk: int) -> dict[str,
         SENSOR_GAIN: cases.sensor_gain,
         **cases.varied,
         "failed": failed,
+        **({} if kernels.finer is None else {"finer": np.full(len(failed), kernel is kernels.finer)}),
         **{name: np.where(failed[:, None, None], np.nan, h).astype(np.float32) for name, h in histories.items()},
     }
 

@@ -31,6 +31,8 @@ class Mesh:
         Parameters and constant inputs by name; the others keep their start values.
     load : LoadTable or None
         Inputs over time: a case begins at rest under the first of them.
+    finer : float
+        Share of the chunks whose cases run on finer elements, see ``Structure.finer`` [1]; they are spread evenly.
     """
 
     elements_per_side: int = 4
@@ -40,6 +42,7 @@ class Mesh:
     carried: str = ""
     parameters: Mapping[str, float] = field(default_factory=dict)
     load: LoadTable | None = None
+    finer: float = 0.0
 
     def __post_init__(self) -> None:
         given = [row.name for row in fields(self)[:3] if getattr(self, row.name) != row.default]
@@ -47,6 +50,10 @@ class Mesh:
             text = f"{given[0]!r} is of the square membrane, and the setup says its own. Remove one of them."
             raise DescriptionError(Mistake((given[0],), text))
         _ = self.structure
+        if not 0.0 <= self.finer <= 1.0:
+            raise DescriptionError(
+                Mistake(("finer",), f"'finer' is {self.finer:g}. Write a share of the cases from 0 to 1.")
+            )
         mistakes = [m for name, value in self.parameters.items() for m in self.outside(("parameters", name), value)]
         if self.load is not None and self.load.states:
             mistakes.append(Mistake(("load",), "these are states of rest, and a case is a history. Write a column of time."))
@@ -55,10 +62,14 @@ class Mesh:
         raise_any(mistakes + twice)
 
     def of_order(self, order: int) -> Mesh:
-        """Return the membrane with elements of another order."""
+        """Return the membrane with elements of another order, and no other cases beside."""
         if self.setup is None:
-            return replace(self, order=order)
-        return replace(self, setup=replace(self.setup, order=order))
+            return replace(self, order=order, finer=0.0)
+        return replace(self, setup=replace(self.setup, order=order), finer=0.0)
+
+    def is_finer(self, chunk: int) -> bool:
+        """Tell whether a chunk, from 0, runs on finer elements."""
+        return int((chunk + 1) * self.finer + 1e-9) > int(chunk * self.finer + 1e-9)
 
     @property
     def histories(self) -> tuple[str, ...]:

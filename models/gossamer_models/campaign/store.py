@@ -47,8 +47,9 @@ def identity(campaign: CampaignPlan, kernels: Kernels) -> dict[str, Any]:
     if campaign.membrane.setup is not None:
         del content["membrane"]["setup"]["mesh"]  # and that of the membrane for its mesh
     del content["membrane"]["carried"]
-    if campaign.membrane.load is None:
-        del content["membrane"]["load"]
+    for name in ("load", "finer"):
+        if not content["membrane"][name]:
+            del content["membrane"][name]
     models = {f"model.{name}": digest for name, digest in kernels.digests.items()}
     engine = "compiled" if kernels.membrane.compiled else "stepper"  # they differ by round-off
     return {"gossamer": version("gossamer"), "kernels": engine, **models, **dict(_flat(json.loads(json.dumps(content)), ""))}
@@ -190,6 +191,8 @@ def _variables(campaign: CampaignPlan) -> dict[str, tuple[tuple[str, ...], str, 
             varied[name] = (("case",), "f8", "1", f"Factor on the {what}")
     if campaign.begins:
         varied[ONSET] = (("case",), "f8", "s", "When damage begins; 0: it is there from the start")
+    if campaign.membrane.finer:
+        varied["finer"] = (("case",), "bool", "1", "Whether it runs on finer elements")
     histories = {"strain": (HISTORY, "f4", "1", "Strain of the membrane at its sensors, prestrain included, without noise")}
     if campaign.chain is not None:
         histories["resistance"] = (HISTORY, "f4", "ohm", "Resistance without noise")
