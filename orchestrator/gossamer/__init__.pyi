@@ -8,6 +8,8 @@ from .assessing import Assessment as Assessment
 from .assessing import DetectorAssessment as DetectorAssessment
 from .assessing import assess as assess
 from .assessing import assess_detector as assess_detector
+from .calibrating import Calibrated as Calibrated
+from .calibrating import calibrate as calibrate
 from .checks import Validation as Validation
 from .checks import Verification as Verification
 from .checks import validate as validate

@@ -70,6 +70,8 @@ class TwinOptions(TypedDict, total=False):
         in equilibrium under its loads; by default where it has columns of loads.
     set
         A parameter of the membrane, or a load at the start; may be repeated.
+    calibration
+        What gossamer calibrate wrote of healthy records: values of the structure's numbers, and how well they are known.
     sensor
         Artifact of the sensors; the shipped one by default.
     elements_per_side
@@ -83,6 +85,7 @@ class TwinOptions(TypedDict, total=False):
     setup: kinds.File | None
     begins: Literal["rest", "equilibrium"] | None
     set: kinds.Values | None
+    calibration: kinds.File | None
     sensor: kinds.File | None
     elements_per_side: Annotated[int, kinds.Written("N", default=4)]
     order: Annotated[int, kinds.Written("N", default=4)]

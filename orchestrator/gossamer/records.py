@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from gossamer_models.arrays import Vector
     from gossamer_models.fitting import Record
     from gossamer_models.membrane import Structure
-    from gossamer_models.twin import ResponseRecord
+    from gossamer_models.twin import Calibration, ResponseRecord
 
 KINDS = ("strain", "resistance")
 OFF_GRID = 1e-3  # steps
@@ -45,6 +45,8 @@ class KnownRecord:
         Parameters of the membrane, and inputs at the start, that differ from its start values.
     sensor_parameters : mapping of str to list of float
         Parameters of the sensors, one value for each.
+    calibration : Calibration or None
+        What is known of the structure from healthy records.
     of_run : bool
         Whether it comes from the results of a run, so that its mesh is that of the membrane.
     """
@@ -53,6 +55,7 @@ class KnownRecord:
     structure: Structure
     parameters: Mapping[str, float] = field(default_factory=dict)
     sensor_parameters: Mapping[str, list[float]] = field(default_factory=dict)
+    calibration: Calibration | None = None
     of_run: bool = False
 
     def twin(self, sensor: AnyPath | None = None) -> dict[str, Any]:
@@ -65,7 +68,8 @@ class KnownRecord:
         """
         from gossamer_models.sensor import SensorArtifact, default_artifact
 
-        known = {"structure": self.structure, "parameters": self.parameters}
+        known: dict[str, Any] = {"structure": self.structure, "parameters": self.parameters}
+        known |= {} if self.calibration is None else {"calibration": self.calibration}
         if self.record.kind == "strain":
             return known
         found = default_artifact() if sensor is None else SensorArtifact.read(Path(sensor))
@@ -105,6 +109,7 @@ def find_record(path: Path, options: TwinOptions, stop: float | None = None) -> 
         found = KnownRecord(record=record, structure=structure, parameters=_assigned(values, structure))
     else:
         found = find_in_results(load_results(path), kind, noise, values, structure, mesh)
+    found = _calibrated(found, options)
     if stop is not None:
         require(math.isfinite(stop), f"{option('stop')} is {stop:g}. Write a positive number.")
         found = replace(found, record=found.record.first(max(0, round(stop / found.record.step))))
@@ -127,7 +132,18 @@ def find_arriving(pipe: Path, options: TwinOptions) -> Iterator[KnownRecord]:
     parameters = _assigned(assigned(options["set"]), structure)
     with pipe.open(encoding="utf-8") as lines:
         for record in read_arriving(lines, options["kind"], options["noise"], structure, options["begins"]):
-            yield KnownRecord(record=record, structure=structure, parameters=parameters)
+            yield _calibrated(KnownRecord(record=record, structure=structure, parameters=parameters), options)
+
+
+def _calibrated(found: KnownRecord, options: TwinOptions) -> KnownRecord:
+    """Return a record with the structure as a calibration tells it, if there is one."""
+    from gossamer_models.twin import Calibration
+
+    if options["calibration"] is None:
+        return found
+    known = Calibration.read(Path(options["calibration"]))
+    structure, parameters = known.applied(found.structure, found.parameters)
+    return replace(found, structure=structure, parameters=parameters, calibration=known)
 
 
 def find_in_results(

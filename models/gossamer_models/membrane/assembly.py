@@ -114,7 +114,12 @@ class MembraneEquations:
 
     def lightness(self, p: Values) -> Any:  # noqa: ANN401
         """Return one over the factor on all masses of the structure [1]."""
-        return self._share(p, "density") * self._share(p, "thickness") * self.shortness(p) ** 2
+        numbers = self._share(p, "density") * self._share(p, "thickness") * self.shortness(p) ** 2
+        return numbers / (self.factor(p, "density") * self.factor(p, "thickness"))
+
+    def factor(self, p: Values, name: str) -> Any:  # noqa: ANN401
+        """Return the factor on a number of the setup [1]; 1 if it is no parameter."""
+        return getattr(p, f"{name}_factor", 1.0)
 
     def positions(self, q: ca.MX, u: Values, p: Values) -> ca.MX:
         """Write the positions of all nodes [m], shape (3 N,)."""
@@ -165,6 +170,7 @@ class MembraneEquations:
             return 1.0 if acts.all() else ca.DM(acts.astype(float)).T
 
         nu, t = (self._material(p, name, of_region) for name in ("poisson_ratio", "thickness"))
+        t *= self.factor(p, "thickness")
         E = of_region(p.youngs_modulus)
         left = 1.0
         if self.structure.zone_names:
@@ -185,7 +191,8 @@ class MembraneEquations:
                 values |= {f"light_{axis}": part for axis, part in zip("xyz", direction, strict=True)}
         values["pressure"] = pressure
         if "along" in self.shared_names:
-            S = [of_region(np.array([r.prestress[k] for r in setup.regions])) for k in range(3)]
+            factor = self.factor(p, "prestress")
+            S = [factor * of_region(np.array([r.prestress[k] for r in setup.regions])) for k in range(3)]
             expansion = np.array([r.thermal_expansion for r in setup.regions])
             warm = 2.0 * of_region(expansion) * of_region(u.temperature) if expansion.any() else 0.0
             for a, name in enumerate(("along", "across")):

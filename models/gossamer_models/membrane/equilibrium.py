@@ -167,11 +167,11 @@ def _assembled(blocks: ca.MX, rows: NDArray[np.int64], size: int) -> ca.MX:
     return ca.MX(pattern, sum_at(place, ca.vec(blocks), len(known) + 1)[: len(known)])
 
 
-def with_dead_loads(equations: MembraneEquations, f: ca.MX, u: Values) -> ca.MX:
+def with_dead_loads(equations: MembraneEquations, f: ca.MX, u: Values, p: Values) -> ca.MX:
     """Add the forces that keep their direction [N]."""
     t = equations.arrays
     if "edge_force" in t:
-        f += t["edge_force"]
+        f += equations.factor(p, "tension") * t["edge_force"]
     for name in equations.structure.unit_forces:
         f += getattr(u, name) * t[f"unit_{name}"]
     return f
@@ -195,7 +195,7 @@ def balance(equations: MembraneEquations, q: ca.MX, u: Values, p: Values) -> tup
     strained = ca.mmax(sum(parts)) if parts else 0.0
     x = equations.positions(q, u, p)
     found = equations.forces(x, shared, p)
-    f = with_dead_loads(equations, found.f, u)[: equations.n_q]
+    f = with_dead_loads(equations, found.f, u, p)[: equations.n_q]
     if hasattr(u, "base_acceleration"):
         mass = ca.vec(ca.repmat(equations.mass(p)[: equations.n_q // 3].T, 3, 1))
         f -= mass * of_base(equations, u)

@@ -33,7 +33,9 @@ def _parameters(setup: Setup) -> list[Variable]:
         )
         for i, r in enumerate(setup.regions)
     ]
-    return [*moduli, *built_in]
+    text = "Factor on what the setup says of the"
+    factors = [parameter(f"{name}_factor", "1", f"{text} {name}", 1.0, 0.01, 100.0) for name in setup.factors]
+    return [*moduli, *built_in, *factors]
 
 
 def _inputs(setup: Setup, zone_names: tuple[str, ...]) -> list[Variable]:

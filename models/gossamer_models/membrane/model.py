@@ -190,13 +190,13 @@ def membrane_model(
         def pulled(at: ca.MX) -> tuple[Forces, ca.MX, ca.MX]:
             if setup.gas is None:
                 found = equations.forces(at, equations.shared(u, p, built_in, ca.MX(0.0)), p)
-                return found, with_dead_loads(equations, found.f, u), ca.MX(0.0)
+                return found, with_dead_loads(equations, found.f, u, p), ca.MX(0.0)
             V = all_volume(equations.volume(at), x.volume)
             inside = equations.filled(u) * (all_volume(x.volume, x.volume) / V) ** setup.gas.exponent
             gas = inside - setup.gas.ambient
             found = equations.forces(at, equations.shared(u, p, built_in, gas), p)
             found = replace(found, rate=found.rate + setup.gas.exponent * inside / V * equations.gas_mobility())
-            return found, with_dead_loads(equations, found.f, u), gas
+            return found, with_dead_loads(equations, found.f, u, p), gas
 
         phase = phase_end - ca.floor(phase_end)
         if rider is not None:
@@ -224,7 +224,7 @@ def membrane_model(
         phase -= ca.floor(phase)
         V = ca.MX.zeros(0) if setup.gas is None else equations.volume(at)
         if rider is not None:
-            ride = rider.start(q, found, with_dead_loads(equations, found.f, u), gas, u, p)
+            ride = rider.start(q, found, with_dead_loads(equations, found.f, u, p), gas, u, p)
             state = MembraneState(q, ride.s, phase, V, ride.frame)
             return state, results(state, u, p, found, gas) | ride.results
         state = MembraneState(q, ca.MX.zeros(n), phase, V, ca.MX.zeros(0))

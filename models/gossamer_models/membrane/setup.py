@@ -24,6 +24,7 @@ RESERVED = {
 
 MAX_ORDER = 12
 MOST_REFINED = 5
+SCALABLE = ("thickness", "density", "prestress", "tension")
 HOOKEAN = 1e-3  # prestress over Young's modulus up to which every law is Hooke's within a few parts in a thousand
 
 
@@ -259,6 +260,9 @@ class Setup:
         See there; without ``loads`` there is one follower pressure on all faces, ``pressure``.
     gas : Gas or None
         See there.
+    factors : tuple of str
+        Some of ``SCALABLE``: numbers of the setup that a parameter ``<name>_factor`` of the model multiplies, in all
+        regions or along all edges.
 
     Raises
     ------
@@ -284,9 +288,16 @@ class Setup:
     loads: tuple[Load, ...] = (Load(name="pressure"),)
     sensors: tuple[Sensor, ...] = ()
     gas: Gas | None = None
+    factors: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         raise_any([*self._mistakes()])
+
+    @property
+    def scalable(self) -> tuple[str, ...]:
+        """Those of ``SCALABLE`` that this setup has something of."""
+        there = {"prestress": any(any(r.prestress) for r in self.regions), "tension": any(e.tension for e in self.edges)}
+        return tuple(name for name in SCALABLE if there.get(name, True))
 
     def _mistakes(self) -> Iterator[Mistake]:
         limits = {"scale": (1e-9, 1e9), "mass_damping": (0.0, 1e4), "inplane_mass": (1.0, 1e6)}
@@ -314,6 +325,10 @@ class Setup:
                         f"Hooke's, {HOOKEAN:g}. Stretch the membrane by its supports instead, or take another law."
                     )
                     yield Mistake(("regions", i, "prestress"), text)
+        for k, name in enumerate(self.factors):
+            if name not in self.scalable or name in self.factors[:k]:
+                text = f"the setup has no {name!r} that a factor could multiply, or it stands twice."
+                yield Mistake(("factors",), text, name, self.scalable)
         names = [load.name for load in self.loads] + [support.motion for support in self.supports if support.motion]
         for name in RESERVED & set(names):
             text = f"a load or motion has the name {name!r}, which is that of another variable. Choose another."

@@ -1,16 +1,20 @@
 """The digital twin: damages with standard deviations, from a record of strain or resistance."""
 
 from .answer import Answer
+from .calibrating import calibrate
+from .calibration import Calibration
 from .forward import Forward, MembraneForward
 from .mesh_error import MeshErrors
 from .nuisances import Loads, LoadTable, Nuisances
 from .reading import make_record, read_arriving, read_loads, read_table
 from .record import ResponseRecord, StaticRecord
 from .twin import Twin
-from .watch import DamageOnset, Watch, Window
+from .watch import Watch
+from .window import DamageOnset, Window
 
 __all__ = [
     "Answer",
+    "Calibration",
     "DamageOnset",
     "Forward",
     "LoadTable",
@@ -23,6 +27,7 @@ __all__ = [
     "Twin",
     "Watch",
     "Window",
+    "calibrate",
     "make_record",
     "read_arriving",
     "read_loads",

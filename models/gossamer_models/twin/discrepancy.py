@@ -49,6 +49,9 @@ LEARNED = {
     "pressure_phase": 0.2,
     "mass_damping": 1.5,
     "youngs_modulus": 0.05,
+    "density": 0.1,
+    "thickness": 0.1,
+    "edge_displacement": 0.15,
 }
 
 

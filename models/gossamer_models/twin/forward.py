@@ -26,6 +26,7 @@ from ..membrane.gauges import Gauges
 LANES = 8  # cases that advance at once
 WORKERS = os.cpu_count() or 1  # threads of a simulation of many cases
 MEMORY = 2**24  # numbers of one recording
+MOST_NODES = 6000  # of a finer mesh
 
 
 class Forward(Protocol):
@@ -246,3 +247,12 @@ def forward_of(structure: Structure | Forward | None, parameters: Mapping[str, f
         return MembraneForward(structure or square_structure(), parameters)
     require(not parameters, "a forward model has its own parameters. Make it with them.")
     return structure
+
+
+def finer_of(forward: Forward) -> Forward | None:
+    """Return the same membrane with finer elements; None of another model, or where there would be too many."""
+    if not isinstance(forward, MembraneForward):
+        return None
+    finer = forward.structure.finer()
+    small = len(finer.mesh.nodes) <= MOST_NODES
+    return MembraneForward(finer, {**forward.parameters, **forward.inputs}) if small else None

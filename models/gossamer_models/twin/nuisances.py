@@ -27,6 +27,9 @@ FACTORS = {
     "density": ("density", 0.05),  # of all regions together
     "prestrain": ("edge_displacement", 0.05),
 }
+# Likewise, of structures that are calibrated.
+STRUCTURAL = {"thickness": ("thickness", 0.05), "prestress": ("prestress", 0.10), "tension": ("tension", 0.10)}
+SCALES = {**FACTORS, **STRUCTURAL}
 OF_BUILT_IN = ("amplitude", "frequency", "phase")  # which acts if its amplitude is not zero
 PHASE = 0.1  # [rad]
 OFFSET = 0.02  # [1], of strain, or of the change of resistance at full scale
@@ -36,7 +39,7 @@ MODULUS = "modulus"
 SENSOR = "sensor"  # the error of sensors that are off their identified model, offset and gain within it
 OF_SENSOR = ("offset", "gain")
 BY_DEFAULT = ("clock", *OF_SENSOR, *FACTORS, SENSOR)
-NAMES = (*BY_DEFAULT, "phase")  # at which a load sets in is known by default
+NAMES = (*BY_DEFAULT, "phase", *STRUCTURAL)  # at which a load sets in is known by default
 OF_MOTION = ("clock", "frequency", "damping", "density")
 FAR = 2.0  # deviations of its prior by which a nuisance is said to be off
 WORDS = {
@@ -50,6 +53,9 @@ WORDS = {
     "modulus": "Young's modulus is {value:.3g} times as large",
     "density": "the density is {value:.3g} times as large",
     "prestrain": "the prestrain is {value:.3g} times as large",
+    "thickness": "the thickness is {value:.3g} times as large",
+    "prestress": "the prestress is {value:.3g} times as large",
+    "tension": "the tension of the edges is {value:.3g} times as large",
 }
 BEYOND = 5.0  # no nuisance leaves its prior by more deviations
 KNOTS = 0.4  # of the first period, between knots of the spline of an unknown load
@@ -117,6 +123,27 @@ class LoadTable:
 
 
 @dataclass(frozen=True)
+class Spread:
+    """How well factors are known together.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Some of ``SCALES``.
+    covariance : ndarray, shape (k, k)
+        Of the logarithms of the factors.
+    """
+
+    names: tuple[str, ...]
+    covariance: Matrix
+
+    def root(self, names: Sequence[str]) -> Matrix:
+        """Return the lower triangular root of the covariance of some of them, shape (n, n)."""
+        at = [self.names.index(name) for name in names]
+        return np.asarray(np.linalg.cholesky(self.covariance[np.ix_(at, at)]))
+
+
+@dataclass(frozen=True)
 class Nuisances:
     """Nuisances of one fit, in a fixed order: those that the simulation takes, then those of the sensors.
 
@@ -134,6 +161,8 @@ class Nuisances:
         What is known of the loads.
     length, period : float
         Time that an unknown load lasts, and the first period, of which the knots of its spline are ``KNOTS`` apart [s].
+    spread : Spread or None
+        How well some factors are known, in place of the deviations of ``SCALES``.
 
     Raises
     ------
@@ -148,11 +177,12 @@ class Nuisances:
     loads: Loads = field(default_factory=Loads)
     length: float = 0.0
     period: float = math.inf
+    spread: Spread | None = None
 
     def __post_init__(self) -> None:
         check_names(self.kinds, self.inputs)
         for kind in self.kinds:
-            if kind in (*FACTORS, "phase") and kind not in dict.fromkeys(k.partition("[")[0] for k in self.simulated):
+            if kind in (*SCALES, "phase") and kind not in dict.fromkeys(k.partition("[")[0] for k in self.simulated):
                 load = kind in OF_BUILT_IN
                 what = "no built-in load, and the record has no load that changes" if load else f"no {kind}"
                 msg = f"{kind!r} cannot be fitted: the membrane has {what}. Leave it out, or set it."
@@ -180,7 +210,7 @@ class Nuisances:
     @property
     def simulated(self) -> tuple[str, ...]:
         """Names of the nuisances that need a simulation each for a derivative."""
-        names = [kind for kind in (*FACTORS, "phase") if kind in self.kinds and _acts(kind, self.parameters)]
+        names = [kind for kind in (*SCALES, "phase") if kind in self.kinds and _acts(kind, self.parameters)]
         names += [f"amplitude[{name}]" for name in self.scaled]
         return (*names, *(f"{name}[{k + 1}]" for name in self.unknown for k in range(self.knots)))
 
@@ -194,16 +224,26 @@ class Nuisances:
     def moved(self, z: Matrix) -> dict[str, Vector]:
         """Return the parameters, and inputs at the start, of rows of z, shape (m, number of nuisances)."""
         given = {name: np.full(len(z), value) for name, value in self.loads.start.items()}
-        for i, name in enumerate(self.simulated):
-            if name in FACTORS:
-                array, deviation = FACTORS[name]
-                for parameter in (p for p in self.parameters if p.partition("[")[0] == array):
-                    given[parameter] = self.parameters[parameter] * np.exp(deviation * z[:, i])
-            elif name == "phase":
-                given["pressure_phase"] = self.parameters["pressure_phase"] + PHASE * z[:, i]
+        names, root = self._root
+        for name, log in zip(names, root @ z[:, : len(names)].T, strict=True):
+            for parameter in _scaled_by(name, self.parameters):
+                given[parameter] = self.parameters[parameter] * np.exp(log)
+        if "phase" in self.simulated:
+            given["pressure_phase"] = self.parameters["pressure_phase"] + PHASE * z[:, len(names)]
         for name, factor in self._scales(z).items():
             given[name] = factor * self.loads.start.get(name, self.inputs[name])
         return given
+
+    @property
+    def _root(self) -> tuple[tuple[str, ...], Matrix]:
+        """The factors among the nuisances, which come first, and what turns z of them into their logarithms, (n, n)."""
+        names = tuple(name for name in self.simulated if name in SCALES)
+        root = np.diag([SCALES[name][1] for name in names])
+        if self.spread is not None:
+            known = [name for name in names if name in self.spread.names]
+            at = [names.index(name) for name in known]
+            root[np.ix_(at, at)] = self.spread.root(known)
+        return names, root
 
     def histories(self, z: Matrix, time: Vector) -> dict[str, Matrix]:
         """Return the loads at the given times [s], shape (n,), or (m, n) where they depend on nuisances.
@@ -247,10 +287,15 @@ class Nuisances:
 
     def values(self, z: Vector, deviation: Vector) -> dict[str, tuple[float, float]]:
         """Return value and deviation of each nuisance: factors for load, damping, modulus and gain; else in units."""
-        found = {}
+        names, root = self._root
+        factors = np.exp(root @ z[: len(names)])
+        spread = factors * np.sqrt(root**2 @ deviation[: len(names)] ** 2)
+        found = dict(zip(names, zip(factors.tolist(), spread.tolist(), strict=True), strict=True))
         for name, at, sigma in zip(self.names, z.tolist(), deviation.tolist(), strict=True):
             kind = name.partition("[")[0]
-            if kind in FACTORS:
+            if name in found:
+                continue
+            if kind in FACTORS:  # of the loads of the record
                 factor = math.exp(FACTORS[kind][1] * at)
                 found[name] = (factor, factor * FACTORS[kind][1] * sigma)
             elif kind == "gain":
@@ -295,8 +340,13 @@ def _acts(kind: str, parameters: Mapping[str, float]) -> bool:
     """Tell whether a nuisance acts on some parameter, or on the sensors."""
     if kind in OF_BUILT_IN and not parameters.get("pressure_amplitude", 0.0) > 0.0:
         return False
-    array = FACTORS.get(kind, ("", 0.0))[0]
-    return not array or any(value > 0.0 for name, value in parameters.items() if name.partition("[")[0] == array)
+    return kind not in SCALES or any(parameters[name] > 0.0 for name in _scaled_by(kind, parameters))
+
+
+def _scaled_by(kind: str, parameters: Mapping[str, float]) -> list[str]:
+    """Return the parameters that a factor multiplies, of all regions, or the one that is a factor itself."""
+    array = SCALES[kind][0]
+    return [name for name in parameters if name.partition("[")[0] in (array, f"{array}_factor")]
 
 
 def check_names(kinds: Sequence[str], inputs: Collection[str] = ()) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import copy
+from dataclasses import replace
 from itertools import compress
 from threading import Lock
 
@@ -141,6 +142,13 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         more = require_finite(other._strain(rows) - own._strain(rows))
         added = Added(more[0], point.x, moving, (more[1:] - more[0]) / steps[:, None, None])
         return self._with(added=added, components=self._of_record(components), _known={})
+
+    def averaged(self, other: RecordProblem) -> RecordProblem:
+        """Return the problem with the mean of what a finer mesh adds in this one and in another about the same point."""
+        if self.added is None or other.added is None:
+            return self
+        slopes = (self.added.slopes + other.added.slopes) / 2.0
+        return self._with(added=replace(self.added, slopes=slopes), _known={})
 
     def without_mesh_error(self) -> RecordProblem:
         """Return the problem of a record that the mesh of the twin has made."""

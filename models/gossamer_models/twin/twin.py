@@ -20,6 +20,7 @@ from ..errors import DataError, ParameterError, require
 from ..membrane import Structure, square_structure
 from ..sensor import SensorArtifact
 from .answer import Answer, answer_of, untold_zones
+from .calibration import Calibration
 from .colour import in_colour, of_noise
 from .correction import corrected
 from .discrepancy import Discrepancy, default_discrepancy, is_learned, is_load_learned
@@ -102,6 +103,9 @@ class Twin:
         other one. Only with ``mesh_error``, of which the part is left that damage changes.
     whole : bool
         Whether a record is compared whole that takes more than 5000 internal steps.
+    calibration : Calibration or None
+        What healthy records have told of the structure: values of its parameters, unless they are given, and how well they
+        are known.
 
     Raises
     ------
@@ -128,9 +132,14 @@ class Twin:
         mesh_error: MeshErrors | None = None,
         healthy: ResponseRecord | None = None,
         whole: bool = False,
+        calibration: Calibration | None = None,
     ) -> None:
         self.nuisances, self.sparse, self._mesh_error, self._whole = tuple(nuisances), sparse, mesh_error, whole
         self.known, self._healthy = tuple(known), None if healthy is None else without_still(healthy)
+        self._spread = None
+        if calibration is not None:
+            structure, parameters = calibration.applied(structure, parameters)
+            self._spread = calibration.spread
         self._forward = forward_of(structure, parameters)
         self._sensed = SensedForward(self._forward, sensor, sensor_parameters)
         self.parameters = self._forward.parameters
@@ -153,9 +162,26 @@ class Twin:
         return len(self._forward.zones)
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the zones."""
+        return self._forward.zones
+
+    @property
     def sensors(self) -> int:
         """Number of sensors."""
         return self._forward.sensors
+
+    def has(self, name: str) -> bool:
+        """Tell whether the membrane has something that a nuisance acts on."""
+        return name in possible(self._forward.parameters, Loads())
+
+    def least_squares(self, record: ResponseRecord, report: Progress = lambda *_: None) -> RecordProblem:
+        """Return the least squares of a record, of as much of it as is compared, see ``fit``."""
+        return self._problem(self._usable(record)[0], report)
+
+    def finer(self, problem: RecordProblem) -> tuple[Forward, Matrix] | None:
+        """Return the membrane on a finer mesh, and components of the error that is left there; None if that is not known."""
+        return self._finer(problem.record, problem.components)
 
     def fit(self, record: ResponseRecord, report: Progress = lambda *_: None) -> Answer:
         """Find the damages that explain a record.
@@ -311,7 +337,8 @@ class Twin:
     def _nuisances(self, kinds: tuple[str, ...], record: ResponseRecord) -> Nuisances:
         model, loads = self._forward, Loads(record.start, record.inputs)
         period = model.period if set(kinds) & set(model.inputs) else math.inf
-        return Nuisances(kinds, model.parameters, model.inputs, model.sensors, loads, record.step * record.samples, period)
+        known = model.parameters, model.inputs, model.sensors, loads, record.step * record.samples, period
+        return Nuisances(kinds, *known, self._spread)
 
     def _may_be_off(self, record: ResponseRecord) -> bool:
         """Tell whether the sensors of a record may be off their model."""
@@ -323,7 +350,8 @@ class Twin:
         left_out = {*(OF_MOTION if isinstance(record, StaticRecord) else ())}
         left_out |= {*OF_SENSOR} if self._may_be_off(record) else {SENSOR}
         if not wider:
-            left_out |= {*self.known} | ({*NAMES} - {*BY_DEFAULT})
+            calibrated = () if self._spread is None else self._spread.names
+            left_out |= {*self.known} | ({*NAMES} - {*BY_DEFAULT, *calibrated})
             left_out |= {*FACTORS} if {*self.nuisances} & {*self._forward.inputs} else set()  # any load explains any of them
         return tuple(dict.fromkeys((*self.nuisances, *(name for name in given if name not in left_out))))
 

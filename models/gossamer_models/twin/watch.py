@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,8 +19,9 @@ from ..arrays import Matrix, Rows, Vector
 from ..errors import ConvergenceError, DataError, ParameterError
 from ..membrane import Structure
 from ..sensor import SensorArtifact
+from .calibration import Calibration
 from .evidence import Evidence
-from .forward import Forward, MembraneForward, forward_of
+from .forward import Forward, finer_of, forward_of
 from .least_squares import MOST_DAMAGE
 from .nuisances import BEYOND, FACTORS, GAIN, Loads, Nuisances, possible
 from .onset import JudgedWindow, OnsetProblem, counted_from
@@ -28,6 +29,7 @@ from .record import STILL, still_sensors
 from .sensor_error import LastingError
 from .simulation import Place, SensedForward
 from .weights import RecordWeights, process_like
+from .window import COARSE, DamageOnset, Window
 
 BEGINNINGS = 2  # onsets in each window that the neighbours have
 OLDEST = 16  # windows since the oldest of them
@@ -38,96 +40,13 @@ SURE = 1.2816  # deviations of a score: nine of ten are above its mean less thes
 SETTLED = 3  # windows that the scale of the scores comes from
 ROUNDS = 4
 EXPLAINED = 1.5  # times the chi2 per sample of the first windows: up to there a finding explains the readings
-COARSE = 0.1  # of the change of the readings: where finer elements add more, damage acts otherwise than on the mesh
 CORRECTIONS = 2  # of a fit, by a finer mesh
 TRIES = 3  # windows after an alarm in which damage is fitted until it does
 OFF, REST = 0.1, 0.003  # deviations of what a group of the error of a sensor adds, and of what is left: shares of its range
 ANY = 1e4  # of the noise: deviation of the offset of a sensor in a window
 HALF = 0.5  # of what a finer mesh adds: mean, and deviation, of how much of it readings have
-ALIKE = 0.1  # how far from it that share may be in the first window
+ALIKE = 0.1  # of it: less is nothing; and how far from its likeliest share the one of the first window may be
 LEFT = 0.5  # of it: what a still finer one adds to that, 0.3 to 0.55 on films and squares
-MOST_NODES = 6000  # of a finer mesh
-
-
-@dataclass(frozen=True, kw_only=True)
-class DamageOnset:
-    """Damage that began while watched.
-
-    Attributes
-    ----------
-    zones : tuple of str
-        Names of the zones.
-    onset, onset_deviation : float
-        When it began, and its standard deviation [s].
-    damage, deviation : ndarray, shape (zones,)
-        Damage of every zone since then, and its standard deviation [1].
-    chi2_per_sample : float
-        Near 1 if this damage explains the readings.
-    chi2_bound : float
-        What it may be, by that of the first windows.
-    mesh : float
-        What finer elements add to the readings of a window, over their change: root mean squares; 0 if it is not known.
-    """
-
-    zones: tuple[str, ...]
-    onset: float
-    onset_deviation: float
-    damage: Vector
-    deviation: Vector
-    chi2_per_sample: float
-    chi2_bound: float
-    mesh: float
-
-    @property
-    def valid(self) -> bool:
-        """Whether this damage explains the readings, on a mesh that is fine enough; else zones and onset are of no use."""
-        return self.chi2_per_sample <= self.chi2_bound and self.mesh <= COARSE
-
-
-@dataclass(frozen=True, kw_only=True)
-class Window:
-    """What one window of readings says.
-
-    Attributes
-    ----------
-    time : float
-        End of the window [s].
-    evidence : ndarray, shape (zones,)
-        Largest score of new damage in each zone, over what raises an alarm [1].
-    sees : ndarray, shape (zones,)
-        Damage of each zone that would raise an alarm in nine of ten cases if it began in the last windows [1]; infinite in
-        the first window, and where all of its effect could be something else.
-    alarm : bool
-        Whether new damage is certain.
-    misfit : float
-        Chi2 per sample of the readings about the twin's prediction.
-    mesh : float
-        What finer elements add to the prediction, over its change: root mean squares; 0 if it is not known.
-    left : ndarray, shape (sensors,)
-        Root mean square of what this prediction leaves of each sensor, over its noise [1]; not a number without readings.
-    finding : DamageOnset or None
-        Onset and damages, at the end of the window after an alarm, and of the next ones until they explain the readings.
-    blamed : tuple of int
-        Sensor, from 1, that the alarm came from: no damage explains what it reads, and all others read what none explains.
-    without : tuple of int
-        Sensors, from 1, that are left out: without readings, those that repeat one while others move, and blamed ones.
-    """
-
-    time: float
-    evidence: Vector
-    sees: Vector
-    alarm: bool
-    misfit: float
-    mesh: float
-    left: Vector
-    finding: DamageOnset | None = None
-    blamed: tuple[int, ...] = ()
-    without: tuple[int, ...] = ()
-
-    @property
-    def statistic(self) -> float:
-        """Largest score of new damage in one zone, over what raises an alarm [1]."""
-        return float(self.evidence.max())
 
 
 class Watch:
@@ -153,6 +72,8 @@ class Watch:
         Share of the windows that may raise a false alarm.
     exact_mesh : bool
         Whether readings come from the mesh of the structure, so that no finer one is simulated beside it.
+    calibration : Calibration or None
+        As of ``Twin``.
 
     Attributes
     ----------
@@ -173,10 +94,11 @@ class Watch:
     what finer elements would add (none of what the same mesh made, nearly all of a membrane's). What this leaves is a
     stationary process of each sensor. A constant offset of a sensor in a window does not count. After each window the twin
     moves to the nuisances that are likeliest then, as if it had begun with them. Where the model is not exact, scores are
-    larger: they are divided by their mean over the first three windows, at least 1. The first window gives no alarm. One
-    window after an alarm, onset and damages are fitted to the windows since the likeliest onset; zones are dropped as in
-    ``Twin``. The watch then goes on from the damages found. Where they do not explain the readings, they are fitted again
-    with the next window, up to three times; a sensor is left out at once if it alone is not explained without damage.
+    larger: they are divided by their mean over the first three windows, or over all where the mesh is coarse, at least 1.
+    The first window gives no alarm. One window after an alarm, onset and damages are fitted to the windows since the
+    likeliest onset; zones are dropped as in ``Twin``. The watch then goes on from the damages found. Where they do not
+    explain the readings, they are fitted again with the next window, up to three times; a sensor is left out at once if it
+    alone is not explained without damage.
     """
 
     def __init__(
@@ -191,7 +113,10 @@ class Watch:
         step: float = 3e-4,
         false_alarms: float = 1e-5,
         exact_mesh: bool = False,
+        calibration: Calibration | None = None,
     ) -> None:
+        if calibration is not None:
+            structure, parameters = calibration.applied(structure, parameters)
         forward = forward_of(structure, parameters)
         self._sensed, self.zones = SensedForward(forward, sensor, sensor_parameters), forward.zones
         finer = None if exact_mesh else finer_of(forward)
@@ -207,8 +132,10 @@ class Watch:
         self._damage, self._h = np.broadcast_to(np.asarray(damage, dtype=float), (zones,)).copy(), step
         self._time, self._window, self._false_alarms = 0.0, 0, false_alarms
         self._last = np.zeros((sensors, 0))  # readings as they came
-        kinds = tuple(kind for kind in possible(forward.parameters, Loads()) if kind in FACTORS)
-        self._nuisances = Nuisances(kinds, forward.parameters, forward.inputs, sensors)
+        spread = None if calibration is None else calibration.spread
+        factors = {*FACTORS, *(() if spread is None else spread.names)}
+        kinds = tuple(kind for kind in possible(forward.parameters, Loads()) if kind in factors)
+        self._nuisances = Nuisances(kinds, forward.parameters, forward.inputs, sensors, spread=spread)
         self._loads, self._z = tuple[str, ...](), np.zeros(0)
         self._evidence: Evidence | None = None
         self._place: Place | None = None  # of the twin, then its moved neighbours, then those with damage
@@ -299,7 +226,7 @@ class Watch:
         slopes[: common - 1] += self._share * ((fine[1:] - fine[0]) / MOVED - slopes[: common - 1])
         lasting = np.concatenate([slopes[: common - 1], self._of_sensors(felt[0], found[0]), HALF * added])
         mesh = self._share * math.sqrt(np.var(added, axis=2).sum() / max(float(np.var(found[0], axis=1).sum()), 1e-300))
-        rest = self._rest(self._share * added, n)
+        rest = self._rest(added, n)
         weights = self._weights([present], [rest])
         rows = weights.weigh(np.concatenate([np.where(present, y - found[0], 0.0)[None], lasting, slopes[common - 1 :]]))
         if self._evidence is None:
@@ -340,7 +267,7 @@ class Watch:
         if looking:
             finding = self._find(mesh)
         elif not alarm:
-            if len(self._scores) < SETTLED:
+            if len(self._scores) < SETTLED or mesh > COARSE:  # the error of such a mesh is another one in each window
                 self._scores.append(float(self._evidence.scores.mean()))
                 self._usual = max(self._usual, misfit)
             self._z, self._place = self._z + moves, after.moved_along(moves / MOVED)
@@ -383,9 +310,10 @@ class Watch:
         return (each[:, None] * np.eye(len(reading))[:, :, None]).reshape(-1, *reading.shape)
 
     def _rest(self, added: Matrix, n: int) -> Matrix:
-        """Return components of what errors of sensors, and of what a finer mesh adds, leave of a window, (k, s, n)."""
+        """Return components of what errors of sensors, and what a finer mesh adds, leave of a window, shape (k, s, n)."""
         of_sensors = [] if self._error is None else [self._error.rest(REST, n)]
-        of_meshes = [LEFT * process_like(each) for each in added]
+        left = LEFT * min(1.0, self._share / ALIKE)  # nothing where the mesh of the twin made the readings
+        of_meshes = [left * process_like(each) for each in added]
         return np.concatenate([np.zeros((0, len(self._sigma), n)), *of_sensors, *of_meshes])
 
     def _weights(self, present: Sequence[Rows], rest: Sequence[Matrix], beside: Matrix | None = None) -> RecordWeights:
@@ -489,18 +417,8 @@ class Watch:
         """Return the windows less what a finer mesh adds at an onset and damages, in place of what it adds without."""
         z, found, own = self._before[0].z, np.r_[self._found[:-1], 0.0], problem.predict(x[None])
         more = self._on_finer(self._before[0].fine, problem.damages(x[None]), problem.loads, own)[0] - own
-        more *= HALF * self._found[-1]
         parts = np.split(more, np.cumsum([seen.y.shape[1] for seen in self._before])[:-1], axis=2)
         return [
-            replace(seen, y=seen.about(z, found) - part[0], rest=self._rest(part, part.shape[2]))
+            replace(seen, y=seen.about(z, found) - HALF * self._found[-1] * part[0], rest=self._rest(part, part.shape[2]))
             for seen, part in zip(self._before, parts, strict=True)
         ]
-
-
-def finer_of(forward: Forward) -> Forward | None:
-    """Return the same membrane with finer elements; None of another model, or where there would be too many."""
-    if not isinstance(forward, MembraneForward):
-        return None
-    finer = forward.structure.finer()
-    small = len(finer.mesh.nodes) <= MOST_NODES
-    return MembraneForward(finer, {**forward.parameters, **forward.inputs}) if small else None

@@ -1,0 +1,124 @@
+"""The numbers of a structure as its healthy records tell them, with their covariance; ``s`` of them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Matrix, Vector
+from ..errors import DataError, ParameterError, require
+from ..membrane import Structure, make_structure, square_structure
+from .forward import Forward
+from .nuisances import Spread
+
+SCHEMA, VERSION = "gossamer.calibration", 1
+ROWS = ("names", "chi2_per_sample", "chi2_bound", "doubts", "untold")
+ARRAYS = ("factors", "covariance", "prior")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibration:
+    """Numbers of a structure, as healthy records tell them.
+
+    Attributes
+    ----------
+    names : tuple of str
+        What was fitted, of ``SCALES``.
+    factors : ndarray, shape (s,)
+        Value of each over that of the setup [1].
+    covariance : ndarray, shape (s, s)
+        Of their logarithms.
+    prior : ndarray, shape (s,)
+        Deviations of these beforehand.
+    parameters : dict of str to float
+        Parameters of the model with these values.
+    chi2_per_sample, chi2_bound : tuple of float
+        Of each record.
+    doubts : tuple of str
+        Why it should not be used; none if it may be.
+    untold : tuple of str
+        Combinations of numbers that the records do not decide, a sentence each.
+    """
+
+    names: tuple[str, ...]
+    factors: Vector
+    covariance: Matrix
+    prior: Vector
+    parameters: dict[str, float]
+    chi2_per_sample: tuple[float, ...]
+    chi2_bound: tuple[float, ...]
+    doubts: tuple[str, ...] = ()
+    untold: tuple[str, ...] = ()
+
+    @property
+    def valid(self) -> bool:
+        """Whether it may be used."""
+        return not self.doubts
+
+    @property
+    def deviation(self) -> Vector:
+        """Standard deviation of each factor [1], shape (s,)."""
+        return np.asarray(self.factors * np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def spread(self) -> Spread:
+        """How well the factors are known."""
+        return Spread(self.names, self.covariance)
+
+    def applied(
+        self, structure: Structure | Forward | None, parameters: Mapping[str, float] | None
+    ) -> tuple[Structure, dict[str, float]]:
+        """Return a structure whose calibrated numbers are parameters, and these with what is given beside.
+
+        Raises
+        ------
+        ParameterError
+            It is another forward model than a membrane's.
+        """
+        if not (structure is None or isinstance(structure, Structure)):
+            msg = "a calibration is of the membrane of a setup. Give that, not another forward model."
+            raise ParameterError(msg)
+        return with_factors(structure or square_structure(), self.names), {**self.parameters, **(parameters or {})}
+
+    def as_json(self) -> dict[str, Any]:
+        """Return it as a document."""
+        content = {
+            name: getattr(self, name)
+            for name in ("names", "parameters", "chi2_per_sample", "chi2_bound", "doubts", "untold")
+        }
+        arrays = {name: getattr(self, name).tolist() for name in ("factors", "covariance", "prior")}
+        return {"schema": SCHEMA, "version": VERSION, "valid": self.valid, **content, **arrays}
+
+    @classmethod
+    def read(cls, path: Path) -> Calibration:
+        """Read what ``gossamer calibrate`` wrote.
+
+        Raises
+        ------
+        DataError
+            The file is none.
+        """
+        try:
+            content = json.loads(path.read_text(encoding="utf-8"))
+            require((content["schema"], content["version"]) == (SCHEMA, VERSION), "another schema or version", DataError)
+            arrays: dict[str, Any] = {name: np.array(content[name], dtype=float) for name in ARRAYS}
+            rows: dict[str, Any] = {name: tuple(content[name]) for name in ROWS}
+            return cls(parameters=dict(content["parameters"]), **arrays, **rows)
+        except (OSError, KeyError, TypeError, ValueError, DataError) as error:
+            msg = f"{path} is no calibration: {error}. Make one with 'gossamer calibrate'."
+            raise DataError(msg) from error
+
+
+def with_factors(structure: Structure, names: Sequence[str]) -> Structure:
+    """Return a structure whose numbers of some names are parameters; the square has its own."""
+    setup = structure.setup
+    wanted = tuple(name for name in setup.scalable if name in names)
+    if structure.starts_in_plane or wanted == setup.factors:
+        return structure
+    fine = replace(setup, factors=wanted, refine=0)  # the mesh is as fine as it is
+    return replace(make_structure(fine, structure.mesh), setup=replace(fine, refine=setup.refine))

@@ -1,0 +1,157 @@
+"""Calibrate a structure on its healthy records: what its numbers are, and how well they are known."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Unpack
+
+from gossamer_orchestrator.words import counted, uncertain
+
+from .arguments import File, Files, Values, assigned, command, several
+from .options import TwinOptions
+from .records import file_of, find_record, numbers_by_name
+from .results import INVALID, Saved, typed
+from .working import json_file, keep_inputs, progress_bar
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from gossamer_files.tables import TableText
+    from gossamer_models.twin import Calibration
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Calibrated(Saved):
+    """Numbers of a structure, as its healthy records tell them.
+
+    Attributes
+    ----------
+    files : list of Path
+        JSON file of the calibration.
+    calibration : gossamer_models.twin.Calibration
+        Factors on the numbers of the setup, their covariance, and doubts.
+    """
+
+    calibration: Calibration
+
+    @property
+    def data(self) -> xr.Dataset:
+        """``factor`` and ``deviation`` [1] by ``number``; ``covariance`` of the logarithms of the factors [1]."""
+        import xarray as xr
+
+        known, ratio = self.calibration, {"units": "1"}
+        values = {"factor": known.factors, "deviation": known.deviation, "prior": known.prior}
+        table: dict[str, Any] = {name: ("number", each, ratio) for name, each in values.items()}
+        table["covariance"] = (("number", "other_number"), known.covariance, ratio)
+        names = list(known.names)
+        return xr.Dataset(table, {"number": names, "other_number": names}, {"valid": int(known.valid)})
+
+    def exit_code(self) -> int:
+        """Return the exit code."""
+        return 0 if self.calibration.valid else INVALID
+
+    @property
+    def sentence(self) -> str:
+        """How many numbers were calibrated, and whether they may be used."""
+        known = self.calibration
+        what = f"{counted(len(known.names), 'number')} on {counted(len(known.chi2_per_sample), 'healthy record')}"
+        return f"Calibrated {what}{': NOT valid' * bool(known.doubts)}."
+
+    def doubts(self) -> list[str]:
+        """Return reasons for doubt, and what the records do not decide."""
+        return [f"{text[0].upper()}{text[1:]}." for text in (*self.calibration.doubts, *self.calibration.untold)]
+
+    def lines(self) -> list[str]:
+        """Return how well each record is explained."""
+        known = self.calibration
+        pairs = enumerate(zip(known.chi2_per_sample, known.chi2_bound, strict=True), 1)
+        return [f"record {k}: chi2 per sample {chi2:.3f}, bound {bound:.3f}" for k, (chi2, bound) in pairs]
+
+    def hints(self) -> list[str]:
+        """Return how to use it."""
+        return [f"Use it: gossamer twin record.csv --calibration {typed(self.path)}"] if self.calibration.valid else []
+
+    def tables(self) -> list[TableText]:
+        """Return a row per number."""
+        from gossamer_files.tables import TableText
+
+        known = self.calibration
+        rows = [
+            (name, uncertain(float(value), float(deviation)), f"{100.0 * prior:.3g} %")
+            for name, value, deviation, prior in zip(known.names, known.factors, known.deviation, known.prior, strict=True)
+        ]
+        return [TableText(("number", "times that of the setup", "known before to"), rows, "Calibration")]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the calibration."""
+        return {"file": self.path, **self.calibration.as_json()}
+
+
+@command
+def calibrate(
+    files: Files,
+    *,
+    prior: Values | None = None,
+    mesh_error: bool | None = None,
+    out: File = "out/calibration.json",
+    **options: Unpack[TwinOptions],
+) -> Calibrated:
+    """Calibrate a structure on records of it without damage, all records together.
+
+    Finds what the records decide of thickness, density, Young's modulus, prestress, tension of edges and damping, and says
+    which combinations they do not. Load, clock and sensors are fitted for each record by itself. Tests whether every record
+    is healthy. gossamer twin and gossamer watch take the values, and what is uncertain stays uncertain there.
+
+    Parameters
+    ----------
+    files
+        Healthy records: CSV files, or results of runs.
+    prior
+        How far a number may be off, NAME=VALUE, one standard deviation as a share: thickness=0.05; 0 for what is known. May
+        be repeated.
+    mesh_error
+        Whether finer elements are simulated too; by default for measured records.
+    out
+        JSON file to write.
+    **options
+        Records and structure, see ``TwinOptions``.
+
+    Returns
+    -------
+    Calibrated
+        Values and deviations; displayed in a notebook.
+
+    Examples
+    --------
+    >>> gossamer.calibrate(["first.csv", "second.csv"], setup="dish.toml").calibration.factors
+
+    On the command line::
+
+        gossamer calibrate first.csv second.csv --setup dish.toml --out dish.json
+        gossamer twin later.csv --setup dish.toml --calibration dish.json
+    """
+    from gossamer_files import write_text
+    from gossamer_models import twin
+
+    paths, path = [Path(each) for each in several(files)], json_file(out)
+    keep_inputs([*map(file_of, paths), options["sensor"], options["calibration"]], [path])
+    with progress_bar("calibrating") as bar:
+        found = []
+        for k, each in enumerate(paths, 1):
+            bar.update(text=f"reading {k} of {len(paths)},")
+            found.append(find_record(each, options))
+        first = found[0]
+        known = first.twin(options["sensor"])
+        known.pop("calibration", None)
+        answer = twin.calibrate(
+            known.pop("structure"),
+            [each.record for each in found],
+            priors=numbers_by_name(assigned(prior), "NAME=VALUE"),
+            mesh_error=not first.of_run if mesh_error is None else mesh_error,
+            report=lambda text: bar.update(text=f"{text},"),
+            **known,
+        )
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_text(path, json.dumps(answer.as_json(), indent=1) + "\n")
+    return Calibrated(files=[path], calibration=answer)

@@ -1,0 +1,195 @@
+"""Calibration of a structure: numbers from healthy records, what they do not decide, and what a twin makes of it."""
+
+import json
+from functools import cache
+
+import numpy as np
+import pytest
+from gossamer_models import DataError, ParameterError
+from gossamer_models.membrane import Region, Support, Zone, make_structure, square_structure, surface_mesh
+from gossamer_models.membrane.setup import Sensor, Setup
+from gossamer_models.mistakes import DescriptionError
+from gossamer_models.twin import Calibration, MembraneForward, ResponseRecord, StaticRecord, Twin, Watch, calibrate
+from gossamer_models.twin.nuisances import Nuisances, Spread
+from oracles.meshes import disc, meshed
+
+COARSE = square_structure(4, 1)  # twin and truth have the same mesh, so that a simulation costs little
+TRUE = {"density": 1155.0, "edge_displacement": 0.00635, "mass_damping": 26.0}
+NOISE, STEP = 2e-4, 3e-4
+
+
+@cache
+def strain(load, zone, depth):
+    forward = MembraneForward(COARSE, TRUE)
+    damage = depth * np.eye(16)[zone - 1 : zone]
+    return forward.strain(damage, {"pressure_amplitude": np.array([1e4 * load])}, {}, 500, STEP)[0]
+
+
+def record(load=1.0, zone=1, depth=0.0, seed=0):
+    """Half a period of the load; the noise is a small part of the thesis'."""
+    y = strain(load, zone, depth)
+    return ResponseRecord(step=STEP, values=y + NOISE * np.random.default_rng(seed).standard_normal(y.shape), noise=NOISE)
+
+
+@pytest.fixture(scope="module")
+def known():
+    return calibrate(COARSE, [record(1.0, seed=1), record(1.05, seed=2)], mesh_error=False)
+
+
+def test_numbers_of_the_structure_are_found_with_their_deviations(known):
+    assert known.valid
+    found = dict(zip(known.names, zip(known.factors, known.deviation, strict=True), strict=True))
+    assert known.names == ("damping", "modulus", "density", "prestrain", "thickness")
+    for name, true in (
+        ("damping", 1.3),
+        ("density", 1.05),
+        ("prestrain", 0.00635 / 0.006),
+        ("modulus", 1.0),
+        ("thickness", 1.0),
+    ):
+        value, deviation = found[name]
+        assert abs(value - true) < 3.5 * deviation
+    assert found["damping"][1] < 0.01
+    assert found["prestrain"][1] < 0.01
+
+
+def test_what_acts_in_the_same_way_stays_as_uncertain_as_it_was(known):
+    """Equal factors on density, modulus and load change nothing, nor do those on thickness and load: only priors tell them.
+
+    The deviation of the density is then that of its prior, the modulus' and that of two loads of 10 %.
+    """
+    deviation = dict(zip(known.names, np.sqrt(np.diag(known.covariance)), strict=True))
+    together = np.array([[2 / 0.05**2 + 2 / 0.1**2, 2 / 0.1**2], [2 / 0.1**2, 1 / 0.05**2 + 2 / 0.1**2]])
+    alone = np.sqrt(np.diag(np.linalg.inv(together)))
+    assert deviation["density"] == pytest.approx(alone[0], rel=0.15)
+    assert deviation["thickness"] == pytest.approx(alone[1], rel=0.15)
+    said = " ".join(known.untold)
+    assert "thickness" in said
+    assert "density" in said
+
+
+def test_a_calibrated_twin_finds_damage_where_the_drawing_alone_is_off(known):
+    damaged = record(0.98, zone=6, depth=0.2, seed=3)
+    answer = Twin(COARSE, discrepancy=None, calibration=known).fit(damaged)
+    assert answer.valid
+    assert answer.damage[5] == pytest.approx(0.2, abs=0.02)
+    assert np.delete(answer.damage, 5).max() < 0.02
+    assert answer.nuisances["prestrain"][0] == pytest.approx(1.0, abs=0.01)  # of the calibrated one
+    assert answer.nuisances["prestrain"][1] < 0.01
+    watch = Watch(NOISE, COARSE, calibration=known, exact_mesh=True, step=STEP)
+    for part in np.split(record(1.03, seed=4).values[:, :480], 3, axis=1):
+        window = watch.advance(part)
+        assert not window.alarm
+        assert window.misfit == pytest.approx(1.0, abs=0.25)
+
+
+def test_a_record_that_is_not_healthy_is_named_with_its_zone():
+    found = calibrate(COARSE, [record(1.0, seed=1), record(1.0, zone=7, depth=0.15, seed=2)], mesh_error=False)
+    assert not found.valid
+    assert any("record 2 is not healthy: zone zone_7 seems damaged by" in doubt for doubt in found.doubts)
+
+
+def test_a_number_that_runs_into_its_bound_is_named():
+    found = calibrate(COARSE, [record()], priors={"prestrain": 1e-3, "damping": 0.0}, mesh_error=False)
+    assert "damping" not in found.names
+    assert any(doubt.startswith("the prestrain runs into its bound, 5 deviations") for doubt in found.doubts)
+
+
+def test_a_calibration_is_read_as_it_was_written(known, tmp_path):
+    path = tmp_path / "calibration.json"
+    path.write_text(json.dumps(known.as_json()))
+    again = Calibration.read(path)
+    assert again.parameters == known.parameters
+    assert np.array_equal(again.covariance, known.covariance)
+    assert again.untold == known.untold
+    path.write_text("{}")
+    with pytest.raises(DataError, match="is no calibration"):
+        Calibration.read(path)
+
+
+@pytest.mark.parametrize(
+    ("records", "priors", "error", "message"),
+    [
+        ([], {}, DataError, "needs a healthy record"),
+        ([0], {"stiffness": 0.1}, ParameterError, "no number 'stiffness' to calibrate. Choose from damping, modulus"),
+        ([0], {"density": -0.1}, ParameterError, "the prior of 'density' is -0.1"),
+        (
+            [0],
+            dict.fromkeys(("damping", "modulus", "density", "prestrain", "thickness"), 0.0),
+            ParameterError,
+            "nothing is left to calibrate",
+        ),
+    ],
+)
+def test_what_cannot_be_calibrated_is_refused(records, priors, error, message):
+    with pytest.raises(error, match=message):
+        calibrate(COARSE, [record() for _ in records], priors=priors, mesh_error=False)
+
+
+RIM = {"rim": lambda x, y, z: np.hypot(x, y) > 1.0 - 1e-9}
+
+
+def film(thickness=1e-3, density=1e3, prestress=1e4, factors=()):
+    region = Region(
+        youngs_modulus=1e7, poisson_ratio=0.3, density=density, thickness=thickness, prestress=(prestress, prestress, 0.0)
+    )
+    sensors = tuple(
+        Sensor(point=(0.5 * np.cos(a), 0.5 * np.sin(a), 0.0), direction=(1.0, 0.0, 0.0)) for a in (0.3, 1.7, 3.9)
+    )
+    setup = Setup(
+        regions=(region,),
+        supports=(Support(group="rim"),),
+        zones=(Zone(rings=1, sectors=(3,)),),
+        sensors=sensors,
+        factors=factors,
+        mass_damping=20.0,
+    )
+    return make_structure(setup, surface_mesh(meshed(disc(1.0), 4, points=RIM), 1))
+
+
+def test_a_factor_on_a_number_of_the_setup_is_that_number():
+    given = {"thickness_factor": 1.1, "density_factor": 0.9, "prestress_factor": 1.2}
+    one = MembraneForward(film(factors=("thickness", "density", "prestress")), given)
+    other = MembraneForward(film(1.1e-3, 900.0, 1.2e4))
+    load = {"pressure": np.linspace(0.0, 200.0, 40)}
+    found, wanted = (each.strain(np.zeros((1, 3)), {}, load, 40, 1e-3) for each in (one, other))
+    assert found == pytest.approx(wanted, abs=1e-12)
+    assert one.limit == pytest.approx(other.limit, rel=1e-9)
+
+
+def test_a_factor_on_what_a_setup_does_not_have_is_refused():
+    with pytest.raises(DescriptionError, match="no 'tension' that a factor could multiply"):
+        film(factors=("tension",))
+
+
+def test_a_film_is_calibrated_from_load_states():
+    """Strain under pressures: thickness and prestress, the modulus being known."""
+    true = MembraneForward(film(thickness=1.06e-3, prestress=1.1e4))
+    pressures = {"pressure": np.array([20.0, 60.0, 120.0, 200.0])}
+    strain = true.states(np.zeros((1, 3)), {}, pressures)[0]
+    values = strain + 1e-7 * np.random.default_rng(0).standard_normal(strain.shape)
+    states = StaticRecord(
+        step=1.0, values=values, noise=1e-7, inputs=pressures, names=("a", "b", "c", "d"), state=np.arange(4)
+    )
+    found = calibrate(film(), [states], priors={"modulus": 0.0}, mesh_error=False)
+    assert found.valid
+    for name, true_factor in (("thickness", 1.06), ("prestress", 1.1)):
+        k = found.names.index(name)
+        assert abs(found.factors[k] - true_factor) < 3.5 * found.deviation[k]
+
+
+def test_factors_that_are_known_together_move_together():
+    covariance = np.array([[0.04, 0.03], [0.03, 0.09]])
+    nuisances = Nuisances(
+        ("modulus", "density"),
+        {"youngs_modulus": 2.0, "density": 3.0},
+        {},
+        0,
+        spread=Spread(("density", "modulus"), covariance),
+    )
+    z = np.random.default_rng(0).standard_normal((200_000, 2))
+    moved = nuisances.moved(z)
+    logs = np.log([moved["density"] / 3.0, moved["youngs_modulus"] / 2.0])
+    assert np.cov(logs) == pytest.approx(covariance, abs=2e-3)
+    (_, modulus), (_, density) = nuisances.values(np.zeros(2), np.ones(2)).values()
+    assert (modulus, density) == pytest.approx((0.3, 0.2))
