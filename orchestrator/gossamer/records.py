@@ -142,6 +142,9 @@ def _calibrated(found: KnownRecord, options: TwinOptions) -> KnownRecord:
     if options["calibration"] is None:
         return found
     known = Calibration.read(Path(options["calibration"]))
+    if not known.valid:
+        msg = f"the calibration of {options['calibration']} is not valid: {known.doubts[0]}. Calibrate again."
+        raise OrchestratorError(msg)
     structure, parameters = known.applied(found.structure, found.parameters)
     return replace(found, structure=structure, parameters=parameters, calibration=known)
 

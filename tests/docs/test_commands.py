@@ -24,6 +24,7 @@ RUN_BY = {
     "assess": f"{CLI}/test_assess_sensor_command.py",
     "assess-detector": f"{CLI}/test_assess_command.py",
     "build": TUTORIALS,
+    "calibrate": f"{CLI}/test_calibrate_command.py",
     "campaign": f"{CLI}/test_campaign_command.py",
     "container": "tests/orchestrator/exchange/test_container.py",
     "demo": "tests/test_wheel.py",
