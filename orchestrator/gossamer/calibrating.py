@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
+from gossamer_files.options import option
+from gossamer_orchestrator.errors import require
 from gossamer_orchestrator.words import counted, uncertain
 
 from .arguments import File, Files, Values, assigned, command, several
@@ -135,7 +137,8 @@ def calibrate(
     from gossamer_models import twin
 
     paths, path = [Path(each) for each in several(files)], json_file(out)
-    keep_inputs([*map(file_of, paths), options["sensor"], options["calibration"]], [path])
+    keep_inputs([*map(file_of, paths), options["sensor"]], [path])
+    require(options["calibration"] is None, f"a calibration begins with the drawing. Leave {option('calibration')} out.")
     with progress_bar("calibrating") as bar:
         found = []
         for k, each in enumerate(paths, 1):
@@ -143,11 +146,14 @@ def calibrate(
             found.append(find_record(each, options))
         first = found[0]
         known = first.twin(options["sensor"])
-        known.pop("calibration", None)
+        for k, other in enumerate(found[1:], 2):
+            same = other.structure.setup == first.structure.setup and other.parameters == first.parameters
+            text = f"record {k} comes from another structure or other parameters than record 1"
+            require(same, f"{text}. Calibrate with records of one.")
         answer = twin.calibrate(
             known.pop("structure"),
             [each.record for each in found],
-            priors=numbers_by_name(assigned(prior), "NAME=VALUE"),
+            priors=numbers_by_name(assigned(prior), "NAME=VALUE", "prior"),
             mesh_error=not first.of_run if mesh_error is None else mesh_error,
             report=lambda text: bar.update(text=f"{text},"),
             **known,

@@ -192,7 +192,7 @@ def twin(
 
     source, console = Path(record), stderr()
     path = beside(source, TWIN) if out is None else json_file(out)
-    keep_inputs([file_of(source), options["sensor"], healthy], [out, path])
+    keep_inputs([file_of(source), options["sensor"], options["calibration"], healthy], [out, path])
     with console.status("reading"):
         found = find_record(source, options, stop)
         before = None if healthy is None else find_record(Path(healthy), options).record

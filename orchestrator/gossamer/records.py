@@ -129,10 +129,11 @@ def find_arriving(pipe: Path, options: TwinOptions) -> Iterator[KnownRecord]:
 
     require(options["noise"] is not None, f"lines that arrive do not tell their noise yet. State it with {option('noise')}.")
     structure = _structure(options) or square_structure(options["elements_per_side"], options["order"])
-    parameters = _assigned(assigned(options["set"]), structure)
+    known, parameters = None, _assigned(assigned(options["set"]), structure)
     with pipe.open(encoding="utf-8") as lines:
         for record in read_arriving(lines, options["kind"], options["noise"], structure, options["begins"]):
-            yield _calibrated(KnownRecord(record=record, structure=structure, parameters=parameters), options)
+            known = known or _calibrated(KnownRecord(record=record, structure=structure, parameters=parameters), options)
+            yield replace(known, record=record)
 
 
 def _calibrated(found: KnownRecord, options: TwinOptions) -> KnownRecord:
@@ -142,11 +143,9 @@ def _calibrated(found: KnownRecord, options: TwinOptions) -> KnownRecord:
     if options["calibration"] is None:
         return found
     known = Calibration.read(Path(options["calibration"]))
-    if not known.valid:
-        msg = f"the calibration of {options['calibration']} is not valid: {known.doubts[0]}. Calibrate again."
-        raise OrchestratorError(msg)
-    structure, parameters = known.applied(found.structure, found.parameters)
-    return replace(found, structure=structure, parameters=parameters, calibration=known)
+    structure, parameters = known.applied(found.structure, None)
+    given = _assigned(assigned(options["set"]), structure)  # a run's record of its own parameters does not count
+    return replace(found, structure=structure, parameters={**found.parameters, **parameters, **given}, calibration=known)
 
 
 def find_in_results(
@@ -333,15 +332,15 @@ def _assigned(texts: Sequence[str], structure: Structure) -> dict[str, float]:
     return given
 
 
-def numbers_by_name(texts: Sequence[str], example: str) -> dict[str, float]:
-    """Read numbers by name, ``NAME=VALUE`` each."""
+def numbers_by_name(texts: Sequence[str], example: str, name_of_option: str = "set") -> dict[str, float]:
+    """Read numbers by name, ``NAME=VALUE`` each, of an option."""
     found = {}
     for text in texts:
         name, _, value = text.partition("=")
         try:
             found[name.strip()] = float(value)
         except ValueError:
-            msg = f"{option('set', text)}: {value!r} is no number; write a name and a number, {example}."
+            msg = f"{option(name_of_option, text)}: {value!r} is no number; write a name and a number, {example}."
             raise OrchestratorError(msg) from None
     return found
 

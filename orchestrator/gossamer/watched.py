@@ -89,7 +89,7 @@ class Watching(Saved):
 
     def take(self, judged: Window, loads: Mapping[str, Vector], console: Console) -> None:
         """Keep what a window says, and print an alarm or a finding."""
-        for k in sorted({*judged.without} ^ {*chain(*self.without[-1:])} - {*judged.blamed}):
+        for k in sorted(({*judged.without} ^ {*chain(*self.without[-1:])}) - {*judged.blamed}):
             what = "repeats one reading, or has none: that is left out" if k in judged.without else "moves again"
             console.print(f"t = {judged.time:.4f} s: sensor {k} {what}", highlight=False)
         self.without.append(judged.without)

@@ -154,7 +154,7 @@ def watch(
     source = Path(record)
     live = source.exists() and not (source.is_file() or source.is_dir())  # a pipe
     path = Path(out or (WATCH if live else beside(source, WATCH)))
-    keep_inputs([file_of(source), options["sensor"]], [path])
+    keep_inputs([file_of(source), options["sensor"], options["calibration"]], [path])
     require(0.0 < see < 1.0, f"{option('see')} is {see:g}. Write a damage between 0 and 1, for instance 0.1.")
     parts = find_arriving(source, options) if live else iter([find_record(source, options)])
     found = next(parts)

@@ -264,8 +264,9 @@ def test_a_film_of_finer_elements_hides_less_where_a_finer_mesh_is_simulated_bes
     beside, alone = Watch(1e-3, film), Watch(1e-3, film, exact_mesh=True)
     one, other = ([watch.advance(part) for part in readings] for watch in (beside, alone))
     assert [window.alarm for window in one] == [False] * 4 + [True]
-    assert one[-1].statistic > 5.0 * other[-1].statistic
-    assert one[-1].sees.max() < 0.3 * other[-1].sees.max()
+    assert not any(window.alarm for window in other[:-1])
+    assert one[-1].statistic > 3.0 * other[-1].statistic
+    assert np.isinf(one[-1].sees).all()  # the mesh is too coarse to say
     assert 0.1 < one[-1].mesh < 0.4  # so much do finer elements add to the strain of this film
     assert other[-1].mesh == 0.0
 

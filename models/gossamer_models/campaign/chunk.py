@@ -121,11 +121,11 @@ def run_chain(
     return {"resistance": resistance, "compensated_strain": compensated}, failed | broken
 
 
-def rest_strain(campaign: CampaignPlan, kernels: Kernels, varied: Mapping[str, Vector]) -> Matrix:
-    """Return the strain [1] of the undamaged membrane at rest, shape (n, sensors), of every case or, without any, of one."""
-    start: dict[str, ArrayLike] = {**campaign.membrane.parameters, **varied, "damage": np.zeros(kernels.zones)}
-    nothing = dict.fromkeys(kernels.membrane.inputs, np.zeros(0))
-    return kernels.membrane.run(0, campaign.step, start, nothing).initial
+def rest_strain(campaign: CampaignPlan, kernel: Batch, varied: Mapping[str, Vector]) -> Matrix:
+    """Return the strain [1] of an undamaged membrane at rest, shape (n, sensors), of every case or, without any, of one."""
+    zones = campaign.membrane.structure.n_zones
+    start: dict[str, ArrayLike] = {**campaign.membrane.parameters, **varied, "damage": np.zeros(zones)}
+    return kernel.run(0, campaign.step, start, dict.fromkeys(kernel.inputs, np.zeros(0))).initial
 
 
 def _run(
@@ -214,7 +214,7 @@ def run_chunk(campaign: CampaignPlan, kernels: Kernels, chunk: int) -> dict[str,
     run = kernel.run(campaign.steps, campaign.step, start, _damage_histories(campaign, cases) | acting)
     histories, failed = {"strain": run.results}, run.failed
     if kernels.chain is not None:
-        rest = rest_strain(campaign, kernels, varied), rest_strain(campaign, kernels, {})
+        rest = rest_strain(campaign, kernel, varied), rest_strain(campaign, kernels.membrane, {})
         more, broken = run_chain(campaign, kernels.chain, cases, rest, run.results)
         histories, failed = histories | more, failed | broken
     return {

@@ -260,6 +260,10 @@ class CampaignPlan:
             if value is not None and not low <= value <= high:
                 yield Mistake((name,), f"{name!r} is {value}. Write a whole number from {low} to {high}.")
         yield from (Mistake(("damage", *m.place), *m[1:]) for m in self.damage.outside(self.membrane.structure.n_zones))
+        if self.membrane.finer and not any(map(self.membrane.is_finer, range(self.chunks))):
+            what = f"'finer' is {self.membrane.finer:g} of {self.chunks} chunks, which is none"
+            text = f"{what}. Shorten 'chunk', or run more cases."
+            yield Mistake(("membrane", "finer"), text)
         yield from self._time_mistakes()
         if self.noise.resistance is not None and self.chain is None:
             text = "there is noise on the resistance and no [chain] of sensors. Add [chain], or remove it."

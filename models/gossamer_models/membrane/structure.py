@@ -23,7 +23,7 @@ from .element import Element
 from .gauges import Gauge, gauge, place_matrix
 from .geometry import Geometry, geometry, stiffest, values
 from .interface import mesh_variables
-from .setup import Setup
+from .setup import MAX_ORDER, MOST_REFINED, Setup
 from .surface import Integers, SurfaceMesh, refined, sides_of
 from .zones import Zone, divide
 
@@ -216,12 +216,12 @@ class Structure:
         return np.array([np.average(middles[zone == k], axis=0, weights=self.areas[zone == k]) for k in range(self.n_zones)])
 
     def finer(self) -> Structure:
-        """Return the membrane with spectral elements two orders higher, or all other elements in four.
+        """Return the membrane with spectral elements two orders higher, or those of the lowest and highest orders in four.
 
         Zones are divided anew where their description says where they are, and kept where it says how many parts alone.
         A force on the nodes of a group keeps its sum, shared by their masses.
         """
-        zones, mesh, raised = self.setup.zones, self.mesh, self.setup.order > 1
+        zones, mesh, raised = self.setup.zones, self.mesh, 1 < self.setup.order <= MAX_ORDER - 2
         if any(zone.parts for zone in zones):
             groups = self.zone_groups
             zones = tuple(Zone(group=group, name=name) for group, name in zip(groups, self.zone_names, strict=True))
@@ -235,7 +235,7 @@ class Structure:
                 shares = found.mass * forces[load.name].reshape(-1, 3).any(axis=1)
                 whole = self.unit_forces[load.name].reshape(-1, 3).sum(axis=0)
                 forces[load.name] = np.outer(shares / shares.sum(), whole).ravel()
-        setup = replace(setup, refine=self.setup.refine + (not raised))
+        setup = replace(setup, refine=min(self.setup.refine + (not raised), MOST_REFINED))
         probes = {name: place_matrix(found.mesh, rows @ self.mesh.nodes) for name, rows in self.probes.items()}
         found = replace(found, setup=setup, unit_forces=forces, variables=self.variables, probes=probes)
         return stretched_evenly(found, self.origin) if self.starts_in_plane else found

@@ -21,10 +21,10 @@ from ..arrays import Matrix, Rows, Vector
 from ..errors import DataError, ParameterError, require
 from ..membrane import Structure, square_structure
 from ..sensor import SensorArtifact
-from .calibration import Calibration, with_factors
+from .calibration import Calibration, drawing_of, with_factors
 from .least_squares import LeastSquares, Minimum, Point, descend
 from .mesh_error import MeshErrors
-from .nuisances import BEYOND, OF_BUILT_IN, SCALES
+from .nuisances import BEYOND, OF_BUILT_IN, SCALES, scaled_by
 from .oddities import chi2_bound
 from .problem import RecordProblem
 from .record import ResponseRecord
@@ -103,6 +103,9 @@ def calibrate(
     known |= {"mesh_error": MeshErrors(structure, parameters)} if of_mesh else {}
     known |= {} if mesh_error else {"discrepancy": None}
     there = Twin(structure, **known)
+    if lacking := [name for name, value in given.items() if value > 0.0 and not there.has(name)]:
+        msg = f"the structure has no {lacking[0]!r} to calibrate. Leave its prior out."
+        raise ParameterError(msg)
     names = tuple(name for name in NUMBERS if given.get(name, 1.0) > 0.0 and there.has(name))
     require(names, "all numbers of the structure are known: nothing is left to calibrate.", ParameterError)
     prior = np.array([given.get(name, PRIORS[name]) for name in names])
@@ -112,6 +115,7 @@ def calibrate(
         covariance=np.diag(prior**2),
         prior=prior,
         parameters={},
+        drawing=drawing_of(structure),
         chi2_per_sample=(),
         chi2_bound=(),
     )
@@ -131,11 +135,15 @@ def calibrate(
                 break
             joint = finer
             found = descend(joint, found.point.x, joint.free)
-        return _told(joint, found, before, twin)
+        coarse = [k for k, problem in enumerate(joint.problems, 1) if problem.added is None] if mesh_error else []
+        text = "no finer elements were simulated for record {}: what they would change is not known, or nothing"
+        return _told(joint, found, before, twin, [text.format(k) for k in coarse])
 
 
-def _told(joint: JointRecords, found: Minimum, before: Calibration, twin: Twin) -> Calibration:
-    """Return what a fit says."""
+def _told(
+    joint: JointRecords, found: Minimum, before: Calibration, twin: Twin, unrefined: Sequence[str] = ()
+) -> Calibration:
+    """Return what a fit says, with sentences on records whose finer mesh was not simulated."""
     names, s = before.names, len(before.names)
     C = np.asarray(np.linalg.inv(found.model.A))[:s, :s]
     L = np.diag(before.prior)
@@ -152,25 +160,21 @@ def _told(joint: JointRecords, found: Minimum, before: Calibration, twin: Twin) 
     bound = f"runs into its bound, {BEYOND:g} deviations of its prior from the setup. Check the setup, or widen the prior"
     doubts += [f"the {name} {bound}" for name in far]
     doubts += joint.damaged(found.point, twin.names)
-    z = joint.problems[0].z(joint.rows(0, found.point.x[None]))
-    moved = joint.problems[0].nuisances.moved(z)
-    numbers = {name for name in moved if name in twin.parameters}
-    own = {name: float(moved[name][0]) for name in numbers if _belongs(name, names)}
+    known = {
+        p: twin.parameters[p] * math.exp(log)
+        for name, log in zip(names, logs, strict=True)
+        for p in scaled_by(name, twin.parameters)
+    }
     return replace(
         before,
         factors=np.exp(logs),
         covariance=covariance,
-        parameters=own,
+        parameters=known,
         chi2_per_sample=tuple(map(float, per_sample)),
         chi2_bound=tuple(map(float, bounds)),
         doubts=tuple(doubts),
-        untold=tuple(_combinations(names, C)),
+        untold=(*_combinations(names, C), *unrefined),
     )
-
-
-def _belongs(parameter: str, names: Sequence[str]) -> bool:
-    arrays = [SCALES[name][0] for name in names]
-    return parameter.partition("[")[0] in (*arrays, *(f"{array}_factor" for array in arrays))
 
 
 def _combinations(names: Sequence[str], C: Matrix) -> list[str]:

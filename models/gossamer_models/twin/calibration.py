@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -42,7 +43,9 @@ class Calibration:
     doubts : tuple of str
         Why it should not be used; none if it may be.
     untold : tuple of str
-        Combinations of numbers that the records do not decide, a sentence each.
+        Combinations of numbers that the records do not decide, and records whose mesh was not refined, a sentence each.
+    drawing : str
+        Digest of the drawing: material, supports, edges and gas.
     """
 
     names: tuple[str, ...]
@@ -54,6 +57,7 @@ class Calibration:
     chi2_bound: tuple[float, ...]
     doubts: tuple[str, ...] = ()
     untold: tuple[str, ...] = ()
+    drawing: str = ""
 
     @property
     def valid(self) -> bool:
@@ -78,21 +82,21 @@ class Calibration:
         Raises
         ------
         ParameterError
-            It is another forward model than a membrane's.
+            It is no membrane of a setup, or one that was drawn otherwise, or the calibration is not valid.
         """
         if not (structure is None or isinstance(structure, Structure)):
             msg = "a calibration is of the membrane of a setup. Give that, not another forward model."
             raise ParameterError(msg)
-        return with_factors(structure or square_structure(), self.names), {**self.parameters, **(parameters or {})}
+        require(self.valid, f"the calibration is not valid: {'; '.join(self.doubts)}. Calibrate again.")
+        structure = structure or square_structure()
+        text = "the calibration is of a structure that was drawn otherwise, in its material, supports, edges or gas"
+        require(self.drawing in ("", drawing_of(structure)), f"{text}. Calibrate this one.")
+        return with_factors(structure, self.names), {**self.parameters, **(parameters or {})}
 
     def as_json(self) -> dict[str, Any]:
         """Return it as a document."""
-        content = {
-            name: getattr(self, name)
-            for name in ("names", "parameters", "chi2_per_sample", "chi2_bound", "doubts", "untold")
-        }
-        arrays = {name: getattr(self, name).tolist() for name in ("factors", "covariance", "prior")}
-        return {"schema": SCHEMA, "version": VERSION, "valid": self.valid, **content, **arrays}
+        content = {name: getattr(self, name) for name in (*ROWS, "parameters", "drawing", "valid")}
+        return {"schema": SCHEMA, "version": VERSION, **content, **{name: getattr(self, name).tolist() for name in ARRAYS}}
 
     @classmethod
     def read(cls, path: Path) -> Calibration:
@@ -108,16 +112,25 @@ class Calibration:
             require((content["schema"], content["version"]) == (SCHEMA, VERSION), "another schema or version", DataError)
             arrays: dict[str, Any] = {name: np.array(content[name], dtype=float) for name in ARRAYS}
             rows: dict[str, Any] = {name: tuple(content[name]) for name in ROWS}
-            return cls(parameters=dict(content["parameters"]), **arrays, **rows)
+            s = len(rows["names"])
+            shapes = {name: array.shape for name, array in arrays.items()}
+            require(shapes == {"factors": (s,), "covariance": (s, s), "prior": (s,)}, "arrays of other shapes", DataError)
+            return cls(parameters=dict(content["parameters"]), drawing=content["drawing"], **arrays, **rows)
         except (OSError, KeyError, TypeError, ValueError, DataError) as error:
             msg = f"{path} is no calibration: {error}. Make one with 'gossamer calibrate'."
             raise DataError(msg) from error
 
 
+def drawing_of(structure: Structure) -> str:
+    """Return a digest of what a structure is drawn of, whatever its mesh and its sensors are."""
+    setup = structure.setup
+    return hashlib.sha256(repr((setup.regions, setup.supports, setup.edges, setup.gas)).encode()).hexdigest()[:16]
+
+
 def with_factors(structure: Structure, names: Sequence[str]) -> Structure:
     """Return a structure whose numbers of some names are parameters; the square has its own."""
     setup = structure.setup
-    wanted = tuple(name for name in setup.scalable if name in names)
+    wanted = tuple(name for name in setup.scalable if name in (*names, *setup.factors))
     if structure.starts_in_plane or wanted == setup.factors:
         return structure
     fine = replace(setup, factors=wanted, refine=0)  # the mesh is as fine as it is

@@ -79,9 +79,9 @@ class Evidence:
         self.curvature = np.where(seen, size, 0.0).reshape(-1, z)
 
     @property
-    def covariance(self) -> Matrix:
-        """Covariance of the unknowns that last, shape (p, p)."""
-        return np.asarray(np.linalg.inv(self._A[: self._p, : self._p]))
+    def precision(self) -> Matrix:
+        """Inverse of the covariance of the unknowns that last, shape (p, p)."""
+        return self._A[: self._p, : self._p].copy()
 
     def recentre(self, moves: Vector) -> None:
         """Count the first unknowns that last from a point that is moved, by what residuals have lost."""

@@ -226,7 +226,7 @@ class Nuisances:
         given = {name: np.full(len(z), value) for name, value in self.loads.start.items()}
         names, root = self._root
         for name, log in zip(names, root @ z[:, : len(names)].T, strict=True):
-            for parameter in _scaled_by(name, self.parameters):
+            for parameter in scaled_by(name, self.parameters):
                 given[parameter] = self.parameters[parameter] * np.exp(log)
         if "phase" in self.simulated:
             given["pressure_phase"] = self.parameters["pressure_phase"] + PHASE * z[:, len(names)]
@@ -340,10 +340,10 @@ def _acts(kind: str, parameters: Mapping[str, float]) -> bool:
     """Tell whether a nuisance acts on some parameter, or on the sensors."""
     if kind in OF_BUILT_IN and not parameters.get("pressure_amplitude", 0.0) > 0.0:
         return False
-    return kind not in SCALES or any(parameters[name] > 0.0 for name in _scaled_by(kind, parameters))
+    return kind not in SCALES or any(parameters[name] > 0.0 for name in scaled_by(kind, parameters))
 
 
-def _scaled_by(kind: str, parameters: Mapping[str, float]) -> list[str]:
+def scaled_by(kind: str, parameters: Mapping[str, float]) -> list[str]:
     """Return the parameters that a factor multiplies, of all regions, or the one that is a factor itself."""
     array = SCALES[kind][0]
     return [name for name in parameters if name.partition("[")[0] in (array, f"{array}_factor")]

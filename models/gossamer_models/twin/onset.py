@@ -99,7 +99,8 @@ class OnsetProblem(LeastSquares):
         self.y = weights.weigh(np.nan_to_num(y)[None])[0]
         self.low, self.simulated = np.zeros(1 + before.size), 1 + before.size
         self.high = np.r_[y.shape[1] - 1.0, np.full(before.size, MOST_DAMAGE)]
-        self.values = weights.values - len(y) * len(windows)  # an offset of each sensor in each window
+        offsets = sum(int(np.isfinite(seen.y).any(axis=1).sum()) for seen in windows)  # of each sensor in each window
+        self.values = weights.values - offsets
         self.prior = np.r_[float(self._length) ** -2, np.ones(before.size)]  # weak: any time, any damage
         self.steps = np.r_[1.0, np.full(before.size, DAMAGE_STEP)]
         self.loads = {name: np.concatenate([seen.loads[name] for seen in windows]) for name in windows[0].loads}

@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import solve_triangular
 from scipy.special import chdtri
 
 from ..arrays import Matrix, Rows, Vector
@@ -22,7 +23,7 @@ from ..sensor import SensorArtifact
 from .calibration import Calibration
 from .evidence import Evidence
 from .forward import Forward, finer_of, forward_of
-from .least_squares import MOST_DAMAGE
+from .least_squares import MOST_DAMAGE, require_finite
 from .nuisances import BEYOND, FACTORS, GAIN, Loads, Nuisances, possible
 from .onset import JudgedWindow, OnsetProblem, counted_from
 from .record import STILL, still_sensors
@@ -45,7 +46,7 @@ TRIES = 3  # windows after an alarm in which damage is fitted until it does
 OFF, REST = 0.1, 0.003  # deviations of what a group of the error of a sensor adds, and of what is left: shares of its range
 ANY = 1e4  # of the noise: deviation of the offset of a sensor in a window
 HALF = 0.5  # of what a finer mesh adds: mean, and deviation, of how much of it readings have
-ALIKE = 0.1  # of it: less is nothing; and how far from its likeliest share the one of the first window may be
+ALIKE = 0.1  # how far from its likeliest share that of the first window may be
 LEFT = 0.5  # of it: what a still finer one adds to that, 0.3 to 0.55 on films and squares
 
 
@@ -94,11 +95,11 @@ class Watch:
     what finer elements would add (none of what the same mesh made, nearly all of a membrane's). What this leaves is a
     stationary process of each sensor. A constant offset of a sensor in a window does not count. After each window the twin
     moves to the nuisances that are likeliest then, as if it had begun with them. Where the model is not exact, scores are
-    larger: they are divided by their mean over the first three windows, or over all where the mesh is coarse, at least 1.
-    The first window gives no alarm. One window after an alarm, onset and damages are fitted to the windows since the
-    likeliest onset; zones are dropped as in ``Twin``. The watch then goes on from the damages found. Where they do not
-    explain the readings, they are fitted again with the next window, up to three times; a sensor is left out at once if it
-    alone is not explained without damage.
+    larger: they are divided by the largest of their means over the first three windows, or over all where the mesh is
+    coarse, at least 1. The first window gives no alarm. One window after an alarm, onset and damages are fitted to the
+    windows since the likeliest onset; zones are dropped as in ``Twin``. The watch then goes on from the damages found. Where
+    they do not explain the readings, they are fitted again with the next window, up to three times; a sensor is left out at
+    once if it alone is not explained without damage.
     """
 
     def __init__(
@@ -234,10 +235,10 @@ class Watch:
             self._evidence = Evidence(np.r_[-self._z, of_sensors, np.ones(len(added))], zones)
         self._evidence.add(rows[0], rows[1:].T, stay)
         moves = self._evidence.lasting[: common - 1]
-        before, self._share = self._share, HALF * float(np.clip(self._evidence.lasting[-1], 0.0, 2.0))
-        far = np.abs(moves).max(initial=0.0) > PRECISE or (self._finer is not None and abs(self._share - before) > ALIKE)
+        share = HALF * float(np.clip(self._evidence.lasting[-1], 0.0, 2.0))
+        far = np.abs(moves).max(initial=0.0) > PRECISE or (self._finer is not None and abs(share - self._share) > ALIKE)
         if self._place is None and far and self._rounds < ROUNDS:
-            self._rounds += 1
+            self._rounds, self._share = self._rounds + 1, share
             self._z = np.clip(self._z + moves, -BEYOND, BEYOND)
             self._onsets, self._evidence, self._error = self._onsets[:0], None, None
             return self.advance(readings, known)  # the first window again, with better nuisances
@@ -246,10 +247,11 @@ class Watch:
         evidence = self._evidence.scores.max(axis=0) / scale / threshold
         needed = math.sqrt(scale) * (math.sqrt(threshold) + SURE)
         with np.errstate(divide="ignore"):
-            sees = needed / np.sqrt(self._evidence.curvature.max(axis=0))
+            sees = needed / np.sqrt(self._evidence.curvature.max(axis=0) if mesh <= COARSE else np.zeros(zones))
         alarm = self._suspected is None and bool((evidence > 1.0).any())
         if self._suspected is None and not alarm:  # damage would bend it
-            self._found, self._spread = counted_from(-self._z, self._evidence.lasting), self._evidence.covariance
+            self._found, self._precision = counted_from(-self._z, self._evidence.lasting), self._evidence.precision
+            self._share = share
         fine_place = None if self._fine is None else self._fine.take(np.zeros(1, dtype=int))
         judged = JudgedWindow(self._time, place.take(np.zeros(1, dtype=int)), fine_place, y, loads, self._z, lasting, rest)
         off = weights.weigh(np.where(present, judged.about(self._z, self._found) - found[0], 0.0)[None])[0]
@@ -312,7 +314,7 @@ class Watch:
     def _rest(self, added: Matrix, n: int) -> Matrix:
         """Return components of what errors of sensors, and what a finer mesh adds, leave of a window, shape (k, s, n)."""
         of_sensors = [] if self._error is None else [self._error.rest(REST, n)]
-        left = LEFT * min(1.0, self._share / ALIKE)  # nothing where the mesh of the twin made the readings
+        left = LEFT * min(1.0, self._share)  # nothing where the mesh of the twin made the readings
         of_meshes = [left * process_like(each) for each in added]
         return np.concatenate([np.zeros((0, len(self._sigma), n)), *of_sensors, *of_meshes])
 
@@ -364,20 +366,23 @@ class Watch:
         From damages that explain the readings the watch goes on. Where none do, a sensor is to blame if it alone is not
         explained without damage: it is left out from then on. Else the fit is tried again with the next windows.
         """
-        suspected, length = self._suspected or 0.0, self._h * self._before[-1].y.shape[1]
-        self._before = [seen for seen in self._before if seen.time > suspected - 2.0 * length] or self._before[-1:]
-        z = self._before[0].z
-        windows = [replace(seen, y=seen.about(z, self._found)) for seen in self._before]
+        suspected, times = self._suspected or 0.0, [seen.time for seen in self._before]
+        before = self._before[max(0, int(np.searchsorted(times, suspected, side="right")) - 2) :]
+        z = before[0].z
+        windows = [replace(seen, y=seen.about(z, self._found)) for seen in before]
         problem = self._onset_problem(windows)
-        x = problem.search((suspected - self._before[0].time) / self._h, windows[-1].y.shape[1])
+        x = problem.search((suspected - before[0].time) / self._h, windows[-1].y.shape[1])
         x, deviation, chi2_per_sample = problem.settled(x)
         for _ in range(CORRECTIONS if self._finer is not None else 0):
-            problem = self._onset_problem(self._corrected(problem, x))
+            try:
+                problem = self._onset_problem(self._corrected(before, problem, x))
+            except ConvergenceError:  # of the finer mesh, with so much damage
+                break
             x, deviation, chi2_per_sample = problem.settled(x)
         deviation *= math.sqrt(max(1.0, *self._scores))
         found = DamageOnset(
             zones=self.zones,
-            onset=self._before[0].time + self._h * float(x[0]),
+            onset=before[0].time + self._h * float(x[0]),
             onset_deviation=self._h * float(deviation[0]),
             damage=x[1:].copy(),
             deviation=deviation[1:],
@@ -385,10 +390,11 @@ class Watch:
             chi2_bound=EXPLAINED * self._usual,
             mesh=mesh,
         )
-        left = np.fmax.reduce([seen.left for seen in self._before])
+        left = np.fmax.reduce([seen.left for seen in before])
         bad = np.flatnonzero(left**2 > EXPLAINED * self._usual) if np.isfinite(left).sum() > 1 else np.zeros(0, dtype=int)
         self._tries += 1
-        if not found.valid and bad.size != 1 and self._tries < TRIES:
+        unexplained = found.chi2_per_sample > found.chi2_bound
+        if unexplained and bad.size != 1 and self._tries < TRIES:
             return found
         assert self._place is not None  # since windows were judged
         assert self._evidence is not None
@@ -396,29 +402,29 @@ class Watch:
         if found.valid:
             self._place = self._place.moved(problem.simulate(x[None])[1]).moved_along((self._z - z) / MOVED)
             self._damage = found.damage.copy()
-            fine = self._on_finer(self._before[0].fine, problem.damages(x[None]), problem.loads, x)[1]
+            fine = self._on_finer(before[0].fine, problem.damages(x[None]), problem.loads, x)[1]
             self._fine = self._fine and fine and self._fine.moved(fine).moved_along((self._z - z) / MOVED)
         self._suspected, self._tries, self._before, self._onsets, self._scores = None, 0, [], self._onsets[:0], []
         self._evidence.forget(counted_from(self._z, self._found))
-        if found.valid or bad.size != 1:
+        if not unexplained or bad.size != 1:
             return found
         self._faulty = self._faulty | {int(bad[0])}
         return None
 
     def _onset_problem(self, windows: list[JudgedWindow]) -> OnsetProblem:
         """Return the least squares of some windows, beside what is not known of what lasts."""
-        L = np.linalg.cholesky(self._spread)
         lasting = np.concatenate([seen.lasting for seen in windows], axis=2)
-        unknown = np.tensordot(L.T, lasting, axes=1)
+        L = np.linalg.cholesky(self._precision)
+        unknown = solve_triangular(L, lasting.reshape(len(L), -1), lower=True).reshape(lasting.shape)
         weights = self._weights([np.isfinite(seen.y) for seen in windows], [seen.rest for seen in windows], unknown)
         return OnsetProblem(self._sensed, windows, weights, self._damage, self._h)
 
-    def _corrected(self, problem: OnsetProblem, x: Vector) -> list[JudgedWindow]:
-        """Return the windows less what a finer mesh adds at an onset and damages, in place of what it adds without."""
-        z, found, own = self._before[0].z, np.r_[self._found[:-1], 0.0], problem.predict(x[None])
-        more = self._on_finer(self._before[0].fine, problem.damages(x[None]), problem.loads, own)[0] - own
-        parts = np.split(more, np.cumsum([seen.y.shape[1] for seen in self._before])[:-1], axis=2)
+    def _corrected(self, before: list[JudgedWindow], problem: OnsetProblem, x: Vector) -> list[JudgedWindow]:
+        """Return windows less what a finer mesh adds at an onset and damages, in place of what it adds without."""
+        z, found, own = before[0].z, np.r_[self._found[:-1], 0.0], problem.predict(x[None])
+        more = require_finite(self._on_finer(before[0].fine, problem.damages(x[None]), problem.loads, own)[0] - own)
+        parts = np.split(more, np.cumsum([seen.y.shape[1] for seen in before])[:-1], axis=2)
         return [
             replace(seen, y=seen.about(z, found) - HALF * self._found[-1] * part[0], rest=self._rest(part, part.shape[2]))
-            for seen, part in zip(self._before, parts, strict=True)
+            for seen, part in zip(before, parts, strict=True)
         ]

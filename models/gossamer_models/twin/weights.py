@@ -13,6 +13,7 @@ from scipy.linalg import matmul_toeplitz, toeplitz
 from ..arrays import Matrix, Rows, Vector
 
 NEGLIGIBLE = 1e-9  # of the largest eigenvalue: directions that gaps leave without values; of the noise's variance
+SLIGHT = 1e-4  # of the largest variance: modes of a process below it are left out
 ROUNDED = 1e-14  # of the largest eigenvalue: what round-off leaves of it
 
 
@@ -130,10 +131,12 @@ def process_of(spectrum: Vector) -> tuple[Vector, Matrix]:
 
 
 def process_like(y: Matrix) -> Matrix:
-    """Return components of a stationary process of each row, with the spectrum of its values about their mean, (n, s, n)."""
+    """Return components of a stationary process of each row, with the spectrum of its values about their mean, (k, s, n)."""
     moving = y - y.mean(axis=1, keepdims=True)
     found = [process_of(np.abs(np.fft.rfft(row, 2 * row.size)) ** 2) for row in moving]
-    return np.stack([(modes * np.sqrt(np.maximum(variance, 0.0))).T for variance, modes in found], axis=1)
+    k = max(int((variance > SLIGHT * variance.max()).sum()) for variance, _ in found)  # the largest come last
+    parts = [(modes * np.sqrt(np.maximum(variance, 0.0)))[:, -k:].T for variance, modes in found] if k else [y[:0]] * len(y)
+    return np.stack(parts, axis=1)
 
 
 def _modes(components: Matrix) -> tuple[Matrix, Vector]:

@@ -56,7 +56,7 @@ class Window:
         Largest score of new damage in each zone, over what raises an alarm [1].
     sees : ndarray, shape (zones,)
         Damage of each zone that would raise an alarm in nine of ten cases if it began in the last windows [1]; infinite in
-        the first window, and where all of its effect could be something else.
+        the first window, where all of its effect could be something else, and where the mesh is too coarse to tell.
     alarm : bool
         Whether new damage is certain.
     misfit : float

@@ -189,12 +189,16 @@ def read_watch(folder: Path) -> dict[str, Any] | None:
 
 
 def unexplained(watched: Mapping[str, Any]) -> list[int]:
-    """List the windows, from 0, that the twin does not explain, but for those that raised an alarm and the ones after them.
+    """List the windows, from 0, that the twin does not explain, but for those from an alarm until what began was found.
 
-    After those it has taken up what began, or has found that no damage explains it; after the last one it has not.
+    Until then it has not taken up what began, or found the sensor that the alarm came from; after the last alarm it has not.
     """
-    times, alarms = watched.get("time", []), set(watched.get("alarms", []))
-    begun = {k + after for k, time in enumerate(times[:-1]) if time in alarms for after in (0, 1)}
+    times, alarms, agreed = watched.get("time", []), watched.get("alarms", []), watched.get("agreed", [])
+    spans = [(alarm, min([time for time in agreed if time >= alarm], default=alarm)) for alarm in alarms]
+    spans = [span for span in spans if span[0] < times[-1]]
+    spans += [(fault["alarm"], fault["time"]) for fault in watched.get("faults", [])]
+    begun = {k for k, time in enumerate(times) for first, last in spans if first <= time <= last}
+    begun |= {k + 1 for k, time in enumerate(times) if time in alarms}
     return [k for k, misfit in enumerate(watched.get("misfit", [])) if misfit > LARGE and k not in begun]
 
 

@@ -22,6 +22,7 @@ from .readers import LEAST_RANGE, Reader, curve_of, readers_of
 
 LEAST_CLEAR = 0.05  # damage of a zone that counts as found, by a detector that states no deviation
 MOST_NAMED = 4  # zones
+COARSE = 0.1  # of the change of the readings: where finer elements add more, the watch knows no damage that it sees
 UNEXPLAINED = 1.3  # chi2 per sample above which the model is what hides damage
 # share of the errors above two stated deviations, up to which the compensator has said how wrong it is
 WITHIN_BAND = 0.1
@@ -246,7 +247,10 @@ def sight(watched: Mapping[str, Any]) -> list[str]:
     more = " and more" * (len(parts) > MOST_NAMED)
     scale = float(np.median(watched["misfit"]))
     why = "The noise of the sensors hides it; give quieter readings, more sensors or a longer record."
-    if scale > UNEXPLAINED:
+    added = float(np.median(watched.get("mesh", [0.0])))
+    if added > COARSE:
+        why = f"Its mesh is too coarse to tell: finer elements add {percent(added)} of the change of the readings."
+    elif scale > UNEXPLAINED:
         why = f"The readings differ from the twin by more than noise: chi2 per sample is {scale:.2g}. Check the model."
     return [f"The watch is blind to some damage: up to {', '.join(parts[:MOST_NAMED])}{more}. {why}"]
 

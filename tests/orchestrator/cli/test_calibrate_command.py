@@ -59,7 +59,9 @@ def test_a_torn_structure_is_no_healthy_one(records, tmp_path):
     assert not json.loads(out.read_text(encoding="utf-8"))["valid"]
     later = invoke(["twin", str(records / "a.csv"), *MESH, "--calibration", str(out)])
     assert later.exit_code == 1
-    assert "is not valid" in " ".join(later.stderr.split())
+    assert "is not valid: record 1 is not explained" in " ".join(later.stderr.split())
+    missing = invoke(["twin", str(records / "a.csv"), *MESH, "--calibration", str(tmp_path / "none.json")])
+    assert "none.json is no calibration" in " ".join(missing.stderr.split())
 
 
 def test_in_python_it_is_a_dataset(records, tmp_path):
@@ -78,7 +80,7 @@ def test_in_python_it_is_a_dataset(records, tmp_path):
     [
         (["--prior", "stiffness=0.1"], "no number 'stiffness' to calibrate"),
         (["--prior", "density=much"], "'much' is no number"),
-        (["--calibration", "none.json"], "none.json is no calibration"),
+        (["--calibration", "none.json"], "Leave --calibration out"),
     ],
 )
 def test_options_that_make_no_sense_are_refused(records, tmp_path, options, message):

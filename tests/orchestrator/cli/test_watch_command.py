@@ -21,6 +21,7 @@ from gossamer_models.membrane import membrane_model, square_structure
 from gossamer_models.twin import DamageOnset, Window
 from gossamer_orchestrator import Recorder, Simulation, load_scenario, make_plan
 from gossamer_orchestrator.results.dataset import make_dataset
+from gossamer_orchestrator.results.files import unexplained
 from gossamer_orchestrator.scenario.schema import Recording
 from gossamer_orchestrator.scenario.source import shipped_scenarios
 from reading_pages import read_page
@@ -166,7 +167,15 @@ def test_an_alarm_that_one_sensor_makes_is_no_damage(tmp_path, capsys):
     seen.take(replace(judged, time=3.0, alarm=False, blamed=(3,), without=(3,)), {}, console)
     assert "no damage explains what sensor 3 reads, and the others show none" in " ".join(capsys.readouterr().out.split())
     assert (seen.alarms, seen.withheld, seen.faults) == ([], [], [{"sensor": 3, "alarm": 1.0, "time": 3.0}])
+    assert "repeats" not in capsys.readouterr().out
     assert seen.content["faults"] == seen.faults
+
+
+def test_windows_from_an_alarm_to_its_finding_or_its_sensor_are_explained():
+    watched = {"time": [1.0, 2.0, 3.0, 4.0, 5.0, 6.0], "misfit": [1.0, 9.0, 9.0, 9.0, 1.0, 9.0]}
+    assert unexplained(watched | {"alarms": [2.0], "agreed": [4.0]}) == [5]
+    assert unexplained(watched | {"alarms": [], "faults": [{"sensor": 1, "alarm": 2.0, "time": 4.0}]}) == [5]
+    assert unexplained(watched | {"alarms": [2.0], "agreed": []}) == [3, 5]
 
 
 @pytest.mark.parametrize(

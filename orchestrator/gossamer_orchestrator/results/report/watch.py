@@ -20,7 +20,7 @@ EXPLAINED = "One is noise alone; chi2 per sample is the mean square of all senso
 
 def watch_charts(watch: Mapping[str, Any]) -> list[Chart]:
     """Draw the content of ``watch.json``; nothing where no window was judged."""
-    if not watch.get("time"):
+    if not watch.get("time") or not {"score", "sight", "left", "misfit", "loads"} <= set(watch):
         return []
     time = np.array(watch["time"])
     scores, sights, left = (np.array(watch[name], dtype=float) for name in ("score", "sight", "left"))
@@ -37,12 +37,10 @@ def watch_charts(watch: Mapping[str, Any]) -> list[Chart]:
     traces.append(marked("chi2 per sample", time, misfit, "@ink"))
     note = f"Root mean square of what the twin, without new damage, leaves of each sensor, over its noise. {EXPLAINED}"
     charts.append(over_time("What the twin leaves unexplained", "[1]", traces, note=note, marks=marks, layout=log))
-    worst = int(np.argmax(np.nan_to_num(sights[1:], posinf=0.0).max(axis=0, initial=0.0)))
-    seen = np.where(np.isfinite(sights), 100.0 * sights, np.nan)
-    traces = [
-        marked(f"zone {labels[worst]}, the worst", time, seen[:, worst], "@1"),
-        marked("best zone", time, seen.min(axis=1)),
-    ]
+    sights[np.isnan(sights)] = np.inf  # nothing is seen
+    worst = int(np.argmax(np.median(sights[1:], axis=0))) if len(sights) > 1 else 0
+    seen = {f"zone {labels[worst]}, the worst": (sights[:, worst], "@1"), "best zone": (sights.min(axis=1), "@0")}
+    traces = [marked(name, time, np.where(np.isfinite(y), 100.0 * y, np.nan), color) for name, (y, color) in seen.items()]
     note = "Damage that would raise an alarm in nine of ten cases. The dashed line is what has to be seen."
     marks_seen = [*marks, rule(y=100.0 * watch["see"], color="@grey", dash="dash")]
     charts.append(over_time("Damage that is seen", "damage [%]", traces, note=note, marks=marks_seen, layout=log))
