@@ -140,9 +140,10 @@ def _calibrated(found: KnownRecord, options: TwinOptions) -> KnownRecord:
     """Return a record with the structure as a calibration tells it, if there is one."""
     from gossamer_models.twin import Calibration
 
-    if options["calibration"] is None:
+    path = options.get("calibration")
+    if path is None:
         return found
-    known = Calibration.read(Path(options["calibration"]))
+    known = Calibration.read(Path(path))
     structure, parameters = known.applied(found.structure, None)
     given = _assigned(assigned(options["set"]), structure)  # a run's record of its own parameters does not count
     return replace(found, structure=structure, parameters={**found.parameters, **parameters, **given}, calibration=known)

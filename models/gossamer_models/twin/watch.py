@@ -270,7 +270,7 @@ class Watch:
             finding = self._find(mesh)
         elif not alarm:
             if len(self._scores) < SETTLED or mesh > COARSE:  # the error of such a mesh is another one in each window
-                self._scores.append(float(self._evidence.scores.mean()))
+                self._scores = [*sorted(self._scores)[-SETTLED:], float(self._evidence.scores.mean())]
                 self._usual = max(self._usual, misfit)
             self._z, self._place = self._z + moves, after.moved_along(moves / MOVED)
             self._fine = fine_after and fine_after.moved_along(moves / MOVED)

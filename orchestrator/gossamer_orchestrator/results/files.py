@@ -195,7 +195,7 @@ def unexplained(watched: Mapping[str, Any]) -> list[int]:
     """
     times, alarms, agreed = watched.get("time", []), watched.get("alarms", []), watched.get("agreed", [])
     spans = [(alarm, min([time for time in agreed if time >= alarm], default=alarm)) for alarm in alarms]
-    spans = [span for span in spans if span[0] < times[-1]]
+    spans = [span for span in spans if span[0] < max(times, default=0.0)]
     spans += [(fault["alarm"], fault["time"]) for fault in watched.get("faults", [])]
     begun = {k for k, time in enumerate(times) for first, last in spans if first <= time <= last}
     begun |= {k + 1 for k, time in enumerate(times) if time in alarms}
