@@ -48,7 +48,7 @@ LEARNED = {
     "pressure_frequency": 0.08,
     "pressure_phase": 0.2,
     "mass_damping": 1.5,
-    "youngs_modulus": 0.05,
+    "youngs_modulus": 0.1,
     "density": 0.1,
     "thickness": 0.1,
     "edge_displacement": 0.15,
