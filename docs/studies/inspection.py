@@ -27,18 +27,14 @@ def line(answers: list[Answer], damages: list[Array], seconds: float) -> str:
     """Return what a twin made of records."""
     errors = [answer.damage - damage for answer, damage in zip(answers, damages, strict=True)]
     torn = [damage > 0.0 for damage in damages]
-    z = [
-        (error / answer.deviation)[where & answer.determined]
-        for error, answer, where in zip(errors, answers, torn, strict=True)
-    ]
+    z = [(error / answer.deviation)[where] for error, answer, where in zip(errors, answers, torn, strict=True)]
     wrong = [
         answer.valid and bool((answer.determined & (abs(error) > np.maximum(WRONG, DEVIATIONS * answer.deviation))).any())
         for error, answer in zip(errors, answers, strict=True)
     ]
     off = 100.0 * np.abs(np.array(errors))
     damaged = np.mean([row[where].mean() for row, where in zip(off, torn, strict=True)])
-    told = np.concatenate(z)
-    z_rms = float(np.sqrt(np.mean(told**2))) if told.size else float("nan")
+    z_rms = float(np.sqrt(np.mean(np.concatenate(z) ** 2)))
     valid = sum(answer.valid for answer in answers)
     return (
         f"{off.mean():.3f} / {damaged:.2f} % off, worst {off.max():.1f}, z {z_rms:.2f}, {valid} of {len(answers)} valid, "
