@@ -117,7 +117,7 @@ class Watching(Saved):
         (self.findings if found.valid else self.withheld).append(found)
         if not found.valid:
             why = f"No damage explains the readings: chi2 per sample stays {found.chi2_per_sample:.3g}."
-            if found.chi2_per_sample <= found.chi2_bound:
+            if found.explains:
                 why = f"Where damage is cannot be said: {_coarse(found.mesh)}."
             console.print(f"{why} Zones are withheld.", style="bold yellow", highlight=False)
             return
@@ -216,7 +216,7 @@ class Watching(Saved):
         from gossamer_orchestrator.results.verdict import sight
 
         lost, where, worst = unexplained(self.content), "what followed an alarm", 0.0
-        coarse = [finding for finding in self.withheld if finding.chi2_per_sample <= finding.chi2_bound]
+        coarse = [finding for finding in self.withheld if finding.explains]
         if len(self.withheld) > len(coarse):
             worst = self.withheld[-1].chi2_per_sample
         elif lost:

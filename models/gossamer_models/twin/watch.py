@@ -393,8 +393,7 @@ class Watch:
         left = np.fmax.reduce([seen.left for seen in before])
         bad = np.flatnonzero(left**2 > EXPLAINED * self._usual) if np.isfinite(left).sum() > 1 else np.zeros(0, dtype=int)
         self._tries += 1
-        unexplained = found.chi2_per_sample > found.chi2_bound
-        if unexplained and bad.size != 1 and self._tries < TRIES:
+        if not found.explains and bad.size != 1 and self._tries < TRIES:
             return found
         assert self._place is not None  # since windows were judged
         assert self._evidence is not None
@@ -406,7 +405,7 @@ class Watch:
             self._fine = self._fine and fine and self._fine.moved(fine).moved_along((self._z - z) / MOVED)
         self._suspected, self._tries, self._before, self._onsets, self._scores = None, 0, [], self._onsets[:0], []
         self._evidence.forget(counted_from(self._z, self._found))
-        if not unexplained or bad.size != 1:
+        if found.explains or bad.size != 1:
             return found
         self._faulty = self._faulty | {int(bad[0])}
         return None

@@ -132,11 +132,10 @@ def process_of(spectrum: Vector) -> tuple[Vector, Matrix]:
 
 def process_like(y: Matrix) -> Matrix:
     """Return components of a stationary process of each row, with the spectrum of its values about their mean, (k, s, n)."""
-    moving = y - y.mean(axis=1, keepdims=True)
-    found = [process_of(np.abs(np.fft.rfft(row, 2 * row.size)) ** 2) for row in moving]
+    moving, n = y - y.mean(axis=1, keepdims=True), y.shape[1]
+    found = [process_of(np.abs(np.fft.rfft(row, 2 * n)) ** 2) for row in moving]
     k = max(int((variance > SLIGHT * variance.max()).sum()) for variance, _ in found)  # the largest come last
-    parts = [(modes * np.sqrt(np.maximum(variance, 0.0)))[:, -k:].T for variance, modes in found] if k else [y[:0]] * len(y)
-    return np.stack(parts, axis=1)
+    return np.stack([(modes * np.sqrt(np.maximum(variance, 0.0)))[:, n - k :].T for variance, modes in found], axis=1)
 
 
 def _modes(components: Matrix) -> tuple[Matrix, Vector]:

@@ -39,9 +39,14 @@ class DamageOnset:
     mesh: float
 
     @property
+    def explains(self) -> bool:
+        """Whether this damage explains the readings."""
+        return self.chi2_per_sample <= self.chi2_bound
+
+    @property
     def valid(self) -> bool:
         """Whether this damage explains the readings, on a mesh that is fine enough; else zones and onset are of no use."""
-        return self.chi2_per_sample <= self.chi2_bound and self.mesh <= COARSE
+        return self.explains and self.mesh <= COARSE
 
 
 @dataclass(frozen=True, kw_only=True)
