@@ -13,7 +13,7 @@ from gossamer_orchestrator.words import counted, uncertain
 
 from .arguments import File, Files, Values, assigned, command, several
 from .options import TwinOptions
-from .records import file_of, find_record, numbers_by_name
+from .records import file_of, find_records, numbers_by_name
 from .results import INVALID, Saved, typed
 from .working import json_file, keep_inputs, progress_bar
 
@@ -140,16 +140,10 @@ def calibrate(
     keep_inputs([*map(file_of, paths), options["sensor"]], [path])
     require(options["calibration"] is None, f"a calibration begins with the drawing. Leave {option('calibration')} out.")
     with progress_bar("calibrating") as bar:
-        found = []
-        for k, each in enumerate(paths, 1):
-            bar.update(text=f"reading {k} of {len(paths)},")
-            found.append(find_record(each, options))
+        bar.update(text="reading,")
+        found = find_records(paths, options)
         first = found[0]
         known = first.twin(options["sensor"])
-        for k, other in enumerate(found[1:], 2):
-            same = other.structure.setup == first.structure.setup and other.parameters == first.parameters
-            text = f"record {k} comes from another structure or other parameters than record 1"
-            require(same, f"{text}. Calibrate with records of one.")
         answer = twin.calibrate(
             known.pop("structure"),
             [each.record for each in found],

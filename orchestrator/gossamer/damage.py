@@ -8,9 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
-from .arguments import AnyPath, File, NamesWithCommas, command, names_of
+from gossamer_orchestrator.errors import require
+
+from .arguments import AnyPath, File, Files, NamesWithCommas, command, names_of, several
 from .options import TwinOptions
-from .records import beside, file_of, find_record, name_of
+from .records import beside, file_of, find_record, find_records, name_of
 from .results import INVALID, Saved, as_png, typed, zone_coordinates
 from .working import json_file, keep_inputs, progress_bar, save_page, say, stderr
 
@@ -45,7 +47,8 @@ class TwinAnswer(Saved):
     @property
     def data(self) -> xr.Dataset:
         """``damage``, ``deviation``, ``probability``, 95 % ``bounds`` [1] by ``zone``, with its ``name`` and those that it
-        was answered ``together_with``; ``covariance`` [1]. Not a number is what has no value or is withheld.
+        was answered ``together_with``; ``covariance`` [1]; of ``growth`` [1] since the last inspection its deviation and
+        probability. Not a number is what has no value or is withheld.
         """  # noqa: D205
         import numpy as np
         import xarray as xr
@@ -58,6 +61,8 @@ class TwinAnswer(Saved):
             "bounds": (["zone", "bound"], answer.bounds),
             "covariance": (["zone", "other_zone"], answer.covariance),
         }
+        grown = {name: getattr(answer, name) for name in ("growth", "growth_deviation", "growth_probability")}
+        values |= {name: (["zone"], each) for name, each in grown.items() if each is not None}
         together = [", ".join(others) for others in answer.together_with]
         return xr.Dataset(
             {name: (axes, np.where(self.shown, each, np.nan), ratio) for name, (axes, each) in values.items()},
@@ -85,7 +90,11 @@ class TwinAnswer(Saved):
         from .pages.twin import nuisance_cells
 
         fitted = [f"{name}: {text}" for name, text in nuisance_cells(self.answer) if not name.startswith("pressure[")]
-        return [self._verdict, *fitted, *[self.compared] * bool(self.compared)]
+        each = [
+            f"record {k}: chi2 per sample {record.chi2_per_sample:.3f}, bound {record.chi2_bound:.3f}"
+            for k, record in enumerate(self.answer.records, 1)
+        ]
+        return [self._verdict, *fitted, *each, *[self.compared] * bool(self.compared)]
 
     def doubts(self) -> list[str]:
         """Return reasons for doubt."""
@@ -117,8 +126,10 @@ class TwinAnswer(Saved):
 
 @command
 def twin(
-    record: AnyPath,
+    records: Files,
     *,
+    since: AnyPath | None = None,
+    repaired: NamesWithCommas = "none",
     fit: NamesWithCommas = "none",
     known: NamesWithCommas = "none",
     stop: float | None = None,
@@ -129,17 +140,24 @@ def twin(
     out: File | None = None,
     **options: Unpack[TwinOptions],
 ) -> TwinAnswer:
-    """Fit a simulation to a record: the damage of each zone, with its standard deviation.
+    """Fit a simulation to records: the damage of each zone, with its standard deviation.
 
     A CSV file has the columns time, and strain[1], strain[2], ... or resistance[1], ...; empty cells are gaps. Columns with
     the names of the membrane's inputs, such as pressure [kPa], are its loads; without them the record begins when the
     built-in load sets in. With a column state in place of time, each row is a reading at rest under its loads. Results of a
     run bring setup, loads, and the parameters of the membrane and of the sensors along.
 
+    Several records have one damage of each zone, and one value of each number of the structure; loads, clock, offsets and
+    noise are those of each.
+
     Parameters
     ----------
-    record
-        Results of a run (results.nc, results.csv or their folder), or a CSV file.
+    records
+        Results of a run (results.nc, results.csv or their folder), or a CSV file; or several of one structure.
+    since
+        The answer of the last inspection, JSON: damage does not heal, so what has grown since is at least 0.
+    repaired
+        Zones that were repaired since then, with commas between: they begin without damage.
     fit
         What else is unknown, with commas between: the phase of the built-in load, a load by its name, such as pressure, or,
         of results of a run, the model of the sensors: sensor.
@@ -182,21 +200,27 @@ def twin(
         gossamer twin states.csv --setup sail
 
         gossamer twin states.csv --setup sail --healthy before.csv
+
+        gossamer twin first.csv second.csv --since january.json --out july.json
     """
     from gossamer_files import write_text
-    from gossamer_models.twin import MeshErrors, Twin
+    from gossamer_models.twin import Earlier, MeshErrors, Twin, inspect
     from gossamer_models.twin.nuisances import BY_DEFAULT
     from gossamer_orchestrator.results.files import TWIN
 
     from .pages.twin import twin_page
 
-    source, console = Path(record), stderr()
-    path = beside(source, TWIN) if out is None else json_file(out)
-    keep_inputs([file_of(source), options["sensor"], options["calibration"], healthy], [out, path])
+    sources, console = [Path(each) for each in several(records)], stderr()
+    require(sources, "there is no record to fit. Name one or more.")
+    path = beside(sources[0], TWIN) if out is None else json_file(out)
+    keep_inputs([*map(file_of, sources), options["sensor"], options["calibration"], healthy, since], [out, path])
     with console.status("reading"):
-        found = find_record(source, options, stop)
+        every = find_records(sources, options, stop)
+        found = every[0]
         before = None if healthy is None else find_record(Path(healthy), options).record
-    logger.info("%d samples of %s, %g s apart", found.record.samples, found.record.kind, found.record.step)
+        earlier = None if since is None else Earlier.read(Path(since))
+    for each in every:
+        logger.info("%d samples of %s, %g s apart", each.record.samples, each.record.kind, each.record.step)
     with progress_bar("fitting") as bar:
         bar.update(text="compiling,")
         wanted = options["setup"] is not None and not found.of_run if mesh_error is None else mesh_error
@@ -224,14 +248,17 @@ def twin(
         def simulating(seconds: float, made: int) -> None:
             bar.update(text=f"{seconds:.3g} s of the record, {made} simulations,")
 
-        for sentence in fitting.untold(found.record, simulating):
+        for sentence in fitting.untold(found.record, simulating) if len(every) == 1 else ():
             say(sentence)
-        answer = fitting.fit(found.record, report=simulating)
+        of_all = [each.record for each in every]
+        answer = inspect(fitting, of_all, since=earlier, repaired=names_of(repaired), report=simulating)
     shown = answer.valid or show_invalid
     logger.info("%d simulations for %d values", answer.simulations, answer.samples)
     write_text(path, json.dumps(answer.as_json(show_invalid=shown), indent=1) + "\n")
-    compared = _compared(source, found.record, answer.record, stop)
-    pages = save_page(lambda: twin_page(name_of(source), answer, compared, shown=shown), path.with_suffix(""))
+    each_compared = zip(sources, of_all, answer.records or (answer,), strict=True)
+    compared = " ".join(filter(None, (_compared(source, given, each.record, stop) for source, given, each in each_compared)))
+    names = [name_of(source) for source in sources]
+    pages = save_page(lambda: twin_page(names, answer, compared, shown=shown), path.with_suffix(""))
     return TwinAnswer(files=[path, *pages], answer=answer, compared=compared, shown=shown)
 
 

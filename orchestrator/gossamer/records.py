@@ -116,6 +116,24 @@ def find_record(path: Path, options: TwinOptions, stop: float | None = None) -> 
     return found
 
 
+def find_records(paths: Sequence[Path], options: TwinOptions, stop: float | None = None) -> list[KnownRecord]:
+    """Read records of one structure, see ``find_record``.
+
+    Raises
+    ------
+    OrchestratorError
+        One of them comes from another structure.
+    """
+    found = [find_record(path, options, stop) for path in paths]
+    for path, other in zip(paths[1:], found[1:], strict=True):
+        one, same = found[0], other.record.kind == found[0].record.kind
+        require(same, f"{path} holds {other.record.kind}, {paths[0]} {one.record.kind}. Give records of one kind.")
+        same = other.structure.setup == one.structure.setup and other.parameters == one.parameters
+        text = f"{path} comes from another structure than {paths[0]}, or from other parameters of it"
+        require(same, f"{text}. Give records of one structure.")
+    return found
+
+
 def find_arriving(pipe: Path, options: TwinOptions) -> Iterator[KnownRecord]:
     """Read a table while it is written, in records that follow each other; options as of ``find_record``.
 

@@ -4,6 +4,7 @@ from .answer import Answer
 from .calibrating import calibrate
 from .calibration import Calibration
 from .forward import Forward, MembraneForward
+from .inspecting import Earlier, inspect
 from .mesh_error import MeshErrors
 from .nuisances import Loads, LoadTable, Nuisances
 from .reading import make_record, read_arriving, read_loads, read_table
@@ -16,6 +17,7 @@ __all__ = [
     "Answer",
     "Calibration",
     "DamageOnset",
+    "Earlier",
     "Forward",
     "LoadTable",
     "Loads",
@@ -28,6 +30,7 @@ __all__ = [
     "Watch",
     "Window",
     "calibrate",
+    "inspect",
     "make_record",
     "read_arriving",
     "read_loads",

@@ -12,18 +12,20 @@ from numpy.typing import NDArray
 
 from ..arrays import Matrix, Rows, Vector
 from .groups import UNRESOLVED
-from .least_squares import PRIOR_DEVIATION
+from .least_squares import PRIOR_DEVIATION, Point
+from .problem import RecordProblem
 from .record import ResponseRecord, Wiring
 from .search import Fit, box
 from .sensor_error import Shares
-from .zone_sets import alternatives, drop_zones
+from .zone_sets import Alternatives, alternatives, drop_zones
 
 DETERMINED = 0.02  # deviation of a damage that is answered with a value
 WIDTH = 1.96  # deviations to each side of the bounds, 95 %
 UNLIKELY = 1e-4  # sets of zones whose covariance does not count
 OFF = 0.2  # of the range: no answer is valid where a sensor is further off its model
 OFF_BEHIND = 0.005  # the same where the mesh's error was learned behind sensors that keep to it
-OF_ZONES = ("damage", "deviation", "probability", "covariance", "bounds")
+GROWTH = ("growth", "growth_deviation", "growth_probability")
+OF_ZONES = ("damage", "deviation", "probability", "covariance", "bounds", *GROWTH)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,6 +71,10 @@ class Answer:
         What was fitted: the samples that were compared, of the sensors in ``order`` that were not left out.
     predicted : ndarray, shape (sensors, n)
         What the sensors read by this answer, in the unit of the record, without the model error that is allowed for.
+    growth, growth_deviation, growth_probability : ndarray, shape (zones,), or None
+        Damage since the last inspection [1], its deviation, and how likely there is some; None without an inspection.
+    records : tuple of Answer
+        Of several records, what is said of each, with the damages of all; ``record`` and ``predicted`` are of the first.
     """
 
     zones: tuple[str, ...]
@@ -91,6 +97,10 @@ class Answer:
     simulations: int = 0
     record: ResponseRecord
     predicted: Matrix
+    growth: Vector | None = None
+    growth_deviation: Vector | None = None
+    growth_probability: Vector | None = None
+    records: tuple[Answer, ...] = ()
 
     @property
     def determined(self) -> Rows:
@@ -123,12 +133,16 @@ class Answer:
             Whether the zones of an answer that is not valid are shown.
         """
         shown = self.valid or show_invalid
-        left_out = ("record", "predicted", *(() if shown else OF_ZONES))
+        left_out = ("record", "predicted", "records", *(() if shown else OF_ZONES))
         found = {
             name: value.tolist() if isinstance(value := getattr(self, name), np.ndarray) else value
             for name in (*self.__dataclass_fields__, "determined", "bounds")
             if name not in left_out
         }
+        alike = {*OF_ZONES, "zones", "determined", "unresolved", "together_with", "records"}
+        found["records"] = [
+            {name: value for name, value in record.as_json().items() if name not in alike} for record in self.records
+        ]
         if not shown:
             return found | dict.fromkeys(OF_ZONES)
         return found | {"damage": [None if np.isnan(value) else value for value in self.value.tolist()]}
@@ -161,21 +175,6 @@ def answer_of(
     hidden : bool
         Whether the error of the mesh forbids a valid answer.
     """
-    problem, kept, zones, groups = fit.problem, fit.kept, fit.problem.zones, fit.problem.groups
-    A, x = fit.model.A, fit.point.x
-    limits = box(problem, x)
-    likely = fit.likely if sparse else alternatives(fit.model, limits, drop_zones(fit.model, limits)[0])
-    spread = likely.spread if sparse else np.zeros_like(A)
-    sets = zip(likely.weight, likely.kept, strict=True) if sparse else [(1.0, kept)]
-    covariance = spread + sum(weight * _covariance(A, some) for weight, some in sets if weight > UNLIKELY)
-    deviation = np.sqrt(np.diag(covariance)).copy()
-    for k in np.flatnonzero(~kept):
-        alone = kept.copy()
-        alone[k] = True
-        deviation[k] = math.sqrt(_covariance(A, alone)[k, k] + spread[k, k])
-    deviation[:zones] = np.hypot(deviation[:zones], fit.vague)
-    damages = covariance[:zones, :zones].copy()
-    np.fill_diagonal(damages, deviation[:zones] ** 2)
     per_sample, bound = fit.per_sample, fit.chi2_bound
     said, valid = list(doubts), fit.passes and not hidden and (wiring is None or not wiring.moved)
     said += [fit.oddity] if fit.oddity else []
@@ -184,12 +183,86 @@ def answer_of(
             f"the twin does not explain the record: chi2 per sample is {per_sample:.3g}, its bound {bound:.3g}. Check "
             "load, damping, sensors and noise"
         )
-    said += [*problem.nuisances.far(x[zones:]), *more]
-    reading = problem.reading(fit.point)
+    of_zones = ZonesFound.of(fit, sparse=sparse)
+    fields, more_doubts, reads = of_record(fit.problem, fit.point, of_zones.unknowns[fit.problem.zones :])
+    return Answer(
+        zones=fit.problem.model.zones,
+        chi2_per_sample=per_sample,
+        chi2_bound=bound,
+        valid=valid and reads,
+        unresolved=unresolved,
+        together_with=together_with(fit),
+        order=order_of(wiring, fit.problem.model.sensors),
+        doubts=(*said, *more_doubts, *more),
+        **of_zones.as_fields(fit.problem.groups),
+        **fields,
+    )
+
+
+@dataclass(frozen=True)
+class ZonesFound:
+    """What a fit says of its damages.
+
+    Attributes
+    ----------
+    damage, probability : ndarray, shape (zones,)
+        Of each unknown damage [1].
+    covariance : ndarray, shape (n, n)
+        Of all unknowns.
+    unknowns : ndarray, shape (n,)
+        Deviations of all unknowns; of damages that were dropped, what they would have if they were fitted.
+    likely : Alternatives
+        Sets of zones that explain the records about as well.
+    """
+
+    damage: Vector
+    probability: Vector
+    covariance: Matrix
+    unknowns: Vector
+    likely: Alternatives
+
+    @classmethod
+    def of(cls, fit: Fit, *, sparse: bool) -> ZonesFound:
+        """Gather it; where zones were dropped, over the sets that may be damaged."""
+        problem, kept, zones = fit.problem, fit.kept, fit.problem.zones
+        A, x = fit.model.A, fit.point.x
+        limits = box(problem, x)
+        likely = fit.likely if sparse else alternatives(fit.model, limits, drop_zones(fit.model, limits)[0])
+        spread = likely.spread if sparse else np.zeros_like(A)
+        sets = zip(likely.weight, likely.kept, strict=True) if sparse else [(1.0, kept)]
+        covariance = spread + sum(weight * _covariance(A, some) for weight, some in sets if weight > UNLIKELY)
+        deviation = np.sqrt(np.diag(covariance)).copy()
+        for k in np.flatnonzero(~kept):
+            alone = kept.copy()
+            alone[k] = True
+            deviation[k] = math.sqrt(_covariance(A, alone)[k, k] + spread[k, k])
+        deviation[:zones] = np.hypot(deviation[:zones], fit.vague)
+        return cls(x[:zones], likely.probability[:zones], covariance, deviation, likely)
+
+    def as_fields(self, groups: NDArray[np.int64]) -> dict[str, Any]:
+        """Return what an answer says of all zones, whose groups have these damages."""
+        zones = self.damage.size
+        deviation, damages = self.unknowns[:zones], self.covariance[:zones, :zones].copy()
+        np.fill_diagonal(damages, deviation**2)
+        return {
+            "damage": self.damage[groups],
+            "deviation": deviation[groups],
+            "probability": self.probability[groups],
+            "covariance": damages[np.ix_(groups, groups)],
+        }
+
+
+def of_record(problem: RecordProblem, point: Point, deviation: Vector) -> tuple[dict[str, Any], list[str], bool]:
+    """Return what an answer says of one record, doubts, and whether its sensors keep to their model.
+
+    ``deviation`` is that of each nuisance, in units of its prior's.
+    """
+    z, reading = point.x[problem.zones :], problem.reading(point)
+    said, most = problem.nuisances.far(z), OFF
     shares: Shares = ()
     offsets: Shares = ()
     if problem.sensor_error is not None:
-        most, known = OFF, ""
+        known = ""
         if problem.learned_behind and problem.added is None:
             most = OFF_BEHIND
             known = f"; the mesh's error is known behind sensors that are {100.0 * most:g} % off at most"
@@ -199,29 +272,17 @@ def answer_of(
             for k, share in enumerate(shares, 1)
             if share is not None and share > most
         ]
-        valid = valid and max(share or 0.0 for share in shares) <= most
-    return Answer(
-        zones=problem.model.zones,
-        damage=x[:zones][groups],
-        deviation=deviation[:zones][groups],
-        probability=likely.probability[:zones][groups],
-        covariance=damages[np.ix_(groups, groups)],
-        nuisances=problem.nuisances.values(x[zones:], deviation[zones:]),
-        sensor_errors=shares,
-        sensor_offsets=offsets,
-        chi2_per_sample=per_sample,
-        chi2_bound=bound,
-        valid=valid,
-        unresolved=unresolved,
-        together_with=_together(groups, problem.model.zones),
-        left_out=tuple(k + 1 for k in range(problem.model.sensors) if k not in problem.record.sensors),
-        order=tuple(k + 1 for k in (range(problem.model.sensors) if wiring is None else wiring.order)),
-        doubts=tuple(said),
-        samples=problem.values,
-        simulations=problem.simulations,
-        record=problem.record,
-        predicted=reading,
-    )
+    fields = {
+        "nuisances": problem.nuisances.values(z, deviation),
+        "sensor_errors": shares,
+        "sensor_offsets": offsets,
+        "left_out": tuple(k + 1 for k in range(problem.model.sensors) if k not in problem.record.sensors),
+        "samples": problem.values,
+        "simulations": problem.simulations,
+        "record": problem.record,
+        "predicted": reading,
+    }
+    return fields, said, max((share or 0.0 for share in shares), default=0.0) <= most
 
 
 def untold_zones(fit: Fit) -> tuple[int, ...]:
@@ -230,8 +291,14 @@ def untold_zones(fit: Fit) -> tuple[int, ...]:
     return tuple(int(k) + 1 for k in np.flatnonzero(everything > UNRESOLVED * PRIOR_DEVIATION))
 
 
-def _together(groups: NDArray[np.int64], names: Sequence[str]) -> tuple[tuple[str, ...], ...]:
+def order_of(wiring: Wiring | None, sensors: int) -> tuple[int, ...]:
+    """Return which sensors, from 1, were taken for the first, the second, ..."""
+    return tuple(k + 1 for k in (range(sensors) if wiring is None else wiring.order))
+
+
+def together_with(fit: Fit) -> tuple[tuple[str, ...], ...]:
     """Return the names of the other zones of the group of each."""
+    groups, names = fit.problem.groups, fit.problem.model.zones
     return tuple(
         tuple(names[other] for other in np.flatnonzero(groups == group).tolist() if other != zone)
         for zone, group in enumerate(groups.tolist())

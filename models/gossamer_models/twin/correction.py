@@ -62,7 +62,7 @@ def corrected(fit: Fit, finer: Forward, components: Matrix, noise: Vector, *, sp
         return again(fit, own, sparse=sparse, hopeless=hopeless)
     for k in range(ROUNDS):
         try:
-            problem = problem.corrected(finer, found.point, _differentiated(found), components)
+            problem = problem.corrected(finer, found.point, differentiated(found), components)
         except ConvergenceError:
             break
         before, found = found, again(found, problem, sparse=sparse, rounds=1, rivals=False)  # scales: once a round
@@ -84,7 +84,7 @@ def corrected(fit: Fit, finer: Forward, components: Matrix, noise: Vector, *, sp
     return replace(found, vague=move) if found is not fit and found.unlikely < plain.unlikely else plain
 
 
-def _differentiated(fit: Fit) -> NDArray[np.int64]:
+def differentiated(fit: Fit) -> NDArray[np.int64]:
     """Return the simulated unknowns that are kept, and of the dropped ones those by which chi2 falls most."""
     gain = np.maximum(fit.model.g, 0.0) ** 2 / np.maximum(np.diag(fit.model.A), UNSEEN)  # dropped damages may only rise
     gain = np.where(fit.kept, np.inf, gain)[: fit.problem.simulated]

@@ -31,6 +31,7 @@ FACTORS = {
 STRUCTURAL = {"thickness": ("thickness", 0.05), "prestress": ("prestress", 0.10), "tension": ("tension", 0.10)}
 SCALES = {**FACTORS, **STRUCTURAL}
 OF_BUILT_IN = ("amplitude", "frequency", "phase")  # which acts if its amplitude is not zero
+NUMBERS = tuple(name for name in SCALES if name not in OF_BUILT_IN)  # of the structure
 PHASE = 0.1  # [rad]
 OFFSET = 0.02  # [1], of strain, or of the change of resistance at full scale
 GAIN = 0.02  # factor

@@ -10,6 +10,7 @@ from scipy.fft import dct
 from scipy.special import chdtr, chdtrc, chdtri, ndtr
 
 from ..arrays import Matrix, Vector
+from .joint import JointProblem
 from .problem import RecordProblem
 from .record import LEAST_SAMPLES
 
@@ -18,12 +19,12 @@ NOISE_DOUBT = math.sqrt(2.0 * 3.4)  # of a variance from n differences of order 
 LOWEST = 3  # octaves of frequencies: the first has 2^3 values
 
 
-def oddity(problem: RecordProblem, r: Vector, J: Matrix, A: Matrix) -> str:
+def oddity(problem: RecordProblem | JointProblem, r: Vector, J: Matrix, A: Matrix) -> str:
     """Return what residuals show that those of a right model do not; empty if nothing.
 
     Parameters
     ----------
-    problem : RecordProblem
+    problem : RecordProblem or JointProblem
         What was fitted.
     r, J : ndarray, shape (values,) and (values, n)
         Residuals, and derivatives by the unknowns that were kept.
@@ -38,7 +39,19 @@ def oddity(problem: RecordProblem, r: Vector, J: Matrix, A: Matrix) -> str:
     Octaves of which unknowns take little have no correlation between sensors, as errors of the model have: Fisher's
     transform of it is normal.
     """
-    found, taken = list[tuple[float, str]](), J @ np.linalg.pinv(A, hermitian=True)
+    taken = J @ np.linalg.pinv(A, hermitian=True)
+    found = [
+        (chance, text + which)
+        for part, values, which in problem.parts
+        for chance, text in _oddities(part, r[values], J[values], taken[values])
+    ]
+    least = min(found, default=(1.0, ""))
+    return least[1] if least[0] * len(found) < 1.0 - CONFIDENCE else ""
+
+
+def _oddities(problem: RecordProblem, r: Vector, J: Matrix, taken: Matrix) -> list[tuple[float, str]]:
+    """Return what residuals of one record show, with the chance that a right model does."""
+    found = list[tuple[float, str]]()
     stated, coloured = problem.noise <= problem.record.least_noise, list[tuple[int, int, Vector]]()
     for k, values in enumerate(problem.of_sensors, 1):
         mine = r[values]
@@ -69,14 +82,14 @@ def oddity(problem: RecordProblem, r: Vector, J: Matrix, A: Matrix) -> str:
             chance = 2.0 * float(ndtr(-abs(math.atanh(alike)) * math.sqrt(one.size - 3.0)))
             text = f"in octave {q} of the frequencies they have a correlation of {alike:.2f}"
             found.append((chance, f"what is left of sensors {k} and {other} is no noise of theirs: {text}"))
-    least = min(found, default=(1.0, ""))
-    return least[1] if least[0] * len(found) < 1.0 - CONFIDENCE else ""
+    return found
 
 
-def chi2_bound(problem: RecordProblem, damages: int = 0) -> float:
+def chi2_bound(problem: RecordProblem | JointProblem, damages: int = 0) -> float:
     """Return the bound on chi2 per sample of a right model whose damages were fitted; wider where the noise is estimated."""
     bound = float(chdtri(max(1, problem.values - damages), 1.0 - CONFIDENCE)) / problem.values
-    return bound * (1.0 + doubt_of_noise(problem, int(problem.record.present.sum())))
+    doubt = sum(part.values * doubt_of_noise(part, int(part.record.present.sum())) for part, _, _ in problem.parts)
+    return bound * (1.0 + doubt / max(1, problem.values))
 
 
 def doubt_of_noise(problem: RecordProblem, samples: int) -> float:

@@ -19,7 +19,7 @@ from ..arrays import Matrix, Rows, Vector
 from .discrepancy import Discrepancy, spline_matrix
 from .forward import Forward
 from .least_squares import PRIOR_DEVIATION, LeastSquares, Point, neighbours, require_finite
-from .nuisances import SENSOR, SPARE, Nuisances
+from .nuisances import MODULUS, SENSOR, SPARE, Nuisances
 from .record import ResponseRecord, StaticRecord
 from .sensor_error import SensorError
 from .simulation import SensedForward
@@ -216,6 +216,16 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         sizes = np.array([part.stop - part.start for part in self.of_sensors])
         seen = sizes > 0  # the noise of sensors that are left out is no number
         return self._weights.log_determinant + 2.0 * float(sizes[seen] @ np.log(self.noise[seen]))
+
+    @property
+    def parts(self) -> tuple[tuple[RecordProblem, slice, str], ...]:
+        """The problem itself with all values and nothing to call it by, as in ``JointProblem``."""
+        return ((self, slice(None), ""),)
+
+    @property
+    def modulus(self) -> int | None:
+        """Which unknown is the factor on Young's modulus."""
+        return self.zones + self.nuisances.simulated.index(MODULUS) if MODULUS in self.nuisances.simulated else None
 
     @property
     def _common(self) -> Matrix:

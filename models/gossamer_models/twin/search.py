@@ -345,7 +345,7 @@ def _finish(whole: RecordProblem, start: Begun, *, sparse: bool) -> Fit:
     if kept is None:
         found = descend(whole, x, free, most, enough=ROUGH)
         model = found.model
-        if MODULUS in whole.nuisances.simulated:
+        if whole.modulus is not None:
             model = whole.about(whole.points(_common_as_modulus(whole, found.point.x)[None])[0], free, found.J)
         kept, move = drop_zones(model, box(whole, model.at))
         x = _moved(whole, model.at, move, kept)
@@ -425,7 +425,7 @@ def _common_as_modulus(problem: RecordProblem, x: Vector) -> Vector:
     zones = problem.zones
     found, common = x.copy(), float(np.median(x[:zones]))
     found[:zones] = 1.0 - (1.0 - x[:zones]) / (1.0 - common)
-    found[zones + problem.nuisances.simulated.index(MODULUS)] += math.log(1.0 - common) / FACTORS[MODULUS][1]
+    found[problem.modulus] += math.log(1.0 - common) / FACTORS[MODULUS][1]
     return np.clip(found, problem.low, problem.high)
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Literal, TypeAlias
 
@@ -61,6 +62,31 @@ LOUD = 10.0  # chi2 per sample of a search with louder noise, up to which that m
 FLOOR = 3.0  # times the noise: no search takes the mesh for more exact, before a finer one is simulated
 LEFT = {"strain": 0.15, "resistance": 0.3}  # of the error of the thesis' square: measured of order 8 by pairs of order 12
 WIRED = 20.0  # of chi2: what another wiring of a record that fits must explain, or another end of a search, to stand alone
+
+
+@dataclass(frozen=True)
+class Alone:
+    """What a record says by itself.
+
+    Attributes
+    ----------
+    record : ResponseRecord
+        As it was read.
+    fit : Fit
+        The likeliest, each zone an unknown of its own.
+    minima : list of Fit
+        Others.
+    wiring : Wiring or None
+        How it was read, unless as it is.
+    doubts : list of str
+        Sentences on what is missing in it.
+    """
+
+    record: ResponseRecord
+    fit: Fit
+    minima: list[Fit]
+    wiring: Wiring | None
+    doubts: list[str]
 
 
 class Twin:
@@ -181,7 +207,8 @@ class Twin:
 
     def finer(self, problem: RecordProblem) -> tuple[Forward, Matrix] | None:
         """Return the membrane on a finer mesh, and components of the error that is left there; None if that is not known."""
-        return self._finer(problem.record, problem.components)
+        found = self._finer(problem.record, problem.components)
+        return found if found is None or problem.added is None else (found[0], problem.components)
 
     def fit(self, record: ResponseRecord, report: Progress = lambda *_: None) -> Answer:
         """Find the damages that explain a record.
@@ -204,7 +231,8 @@ class Twin:
         with threadpool_limits(1):  # small matrices: waking other threads for them costs many times their work
             return self._fit(record, report)
 
-    def _fit(self, record: ResponseRecord, report: Progress) -> Answer:
+    def alone(self, record: ResponseRecord, report: Progress = lambda *_: None) -> Alone:
+        """Find the damages of a record as ``fit`` does, each zone by itself, without a second look at what is found."""
         record, doubts = self._usable(record)
         fit, minima = self._searched(record, report)
         wiring = self._other_wiring(record, fit, report)
@@ -216,7 +244,12 @@ class Twin:
                 doubts.append(wiring.doubt)
             else:
                 wiring = None
-        first, (fit, looked, unresolved) = fit, self._looked(record, fit, report)
+        return Alone(record, fit, minima, wiring, doubts)
+
+    def _fit(self, record: ResponseRecord, report: Progress) -> Answer:
+        found = self.alone(record, report)
+        record, doubts, minima = found.record, found.doubts, found.minima
+        first, (fit, looked, unresolved) = found.fit, self._looked(record, found.fit, report)
         unknown = record.noise is None and not isinstance(record, StaticRecord)
         white = self._louder(record, first, report) if unknown and not fit.passes else None
         if white is not None:
@@ -237,7 +270,8 @@ class Twin:
         if not fit.passes:
             wider = self._problem(record, report, fit.problem.groups, wider=True, noise=fit.problem.noise)
             doubts[:0] = [reason] if (reason := likely_reason(fit, wider.like(fit.problem))) else []
-        return self._answer(fit, doubts, wiring, unresolved)
+        more, hidden = self.of_mesh(fit.problem)
+        return answer_of(fit, doubts, more, found.wiring, unresolved, sparse=self.sparse, hidden=hidden)
 
     def _looked(self, record: ResponseRecord, fit: Fit, report: Progress) -> tuple[Fit, list[str], tuple[int, ...]]:
         """Return a fit after a second look, with sentences on it, and the zones, from 1, that the record cannot tell."""
@@ -520,14 +554,15 @@ class Twin:
     def _parted(self) -> Parted | None:
         return parted(self._forward)
 
-    def _answer(self, fit: Fit, doubts: list[str], wiring: Wiring | None, unresolved: tuple[int, ...]) -> Answer:
+    def of_mesh(self, problem: RecordProblem) -> tuple[list[str], bool]:
+        """Return doubts about a fit that come from its mesh, and whether they forbid a valid answer."""
         more, hidden = list[str](), False
-        record = fit.problem.record
-        error = None if fit.problem.added is not None else self._error_of(record)
+        record = problem.record
+        error = None if problem.added is not None else self._error_of(record)
         if self._mesh_error is not None and error is not None:
             more, hidden = self._mesh_error.doubts(error), error.buries
         if self._learned and not isinstance(record, StaticRecord) and not is_load_learned(self._forward, record):
             beside = "was learned under the built-in load alone, and the record has other loads beside it"
             advice = f"Describe the membrane as a setup: {option('mesh_error', True)} simulates what finer elements change"
             more, hidden = [f"the error of the mesh {beside}. {advice}"], True
-        return answer_of(fit, doubts, more, wiring, unresolved, sparse=self.sparse, hidden=hidden)
+        return more, hidden

@@ -17,13 +17,13 @@ from gossamer_orchestrator.words import between, uncertain
 NUISANCE_UNITS = {"phase": "rad", "pressure": "Pa"}  # of what is fitted beside damage; the others are ratios
 
 
-def twin_page(name: str, answer: Answer, compared: str, *, shown: bool) -> Page:
-    """Describe what the twin says of a record, and how what its sensors read compares with it.
+def twin_page(names: Sequence[str], answer: Answer, compared: str, *, shown: bool) -> Page:
+    """Describe what the twin says of records, and how what the sensors read compares with it.
 
     Parameters
     ----------
-    name : str
-        Of the record.
+    names : sequence of str
+        Of the records.
     answer : Answer
         What was fitted.
     compared : str
@@ -42,8 +42,13 @@ def twin_page(name: str, answer: Answer, compared: str, *, shown: bool) -> Page:
     record = answer.record
     static = isinstance(record, StaticRecord)
     when = f"in {record.states} load states" if static else f"in the first {record.step * record.samples:.3g} s"
+    when = f"by {len(names)} records together" if answer.records else when
     said = f"damaged {when}: {', '.join(parts)}" if parts else f"no zone is damaged {when}"
     sentence = f"{said[0].upper()}{said[1:]}."
+    if answer.growth is not None:
+        grown = [f"{labels[k]} by {_growth_text(answer, k)} %" for k in np.flatnonzero(answer.growth > 0.0).tolist()]
+        sentence += f" Grown since the last inspection: {', '.join(grown) or 'none'}."
+        said += f"; grown: {', '.join(grown) or 'none'}"
     if not answer.valid:
         not_used = f" What it says, not to be used: {said}." if shown else " The damage of the zones is withheld."
         sentence = f"Not valid.{not_used}"
@@ -57,11 +62,18 @@ def twin_page(name: str, answer: Answer, compared: str, *, shown: bool) -> Page:
     if answer.unresolved:
         more.append(f"The record cannot tell the damage of zones {', '.join(labels[k - 1] for k in answer.unresolved)}.")
     return Page(
-        title=f"Digital twin of {name}",
+        title=f"Digital twin of {' and '.join(names)}",
         kind=kind,
         sentence=sentence,
         more=more,
-        charts=[*(section("Damage", _damage(answer)) if shown else []), *_histories(answer)],
+        charts=[
+            *(section("Damage", _damage(answer)) if shown else []),
+            *(
+                chart
+                for name, each in zip(names, answer.records or (answer,), strict=True)
+                for chart in _histories(each, name if answer.records else "")
+            ),
+        ],
         facts=_facts(answer, shown=shown),
         how="Bars of damage and the band of noise are one standard deviation wide to each side. A zone whose "
         "deviation is above 2 points has no value, but bounds that hold in 95 of 100 records. What sensors read by the "
@@ -76,6 +88,13 @@ def _damage_text(answer: Answer, zone: int) -> str:
     return between(*(100.0 * answer.bounds[zone]))
 
 
+def _growth_text(answer: Answer, zone: int) -> str:
+    """Return what has grown in a zone since the last inspection [%], with its deviation."""
+    assert answer.growth is not None
+    assert answer.growth_deviation is not None
+    return f"{100.0 * answer.growth[zone]:.2f} ± {100.0 * answer.growth_deviation[zone]:.2f}"
+
+
 def zone_cells(answer: Answer, *, shown: bool) -> TableText:
     """Return damage and probability of damage, a row for each zone; withheld where they are not shown."""
     labels = dict(zip(answer.zones, map(zone_label, answer.zones), strict=True))
@@ -83,12 +102,18 @@ def zone_cells(answer: Answer, *, shown: bool) -> TableText:
         f"with {', '.join(labels[other] for other in others)}" if others else "cannot tell" * (k + 1 in answer.unresolved)
         for k, others in enumerate(answer.together_with)
     ]
+    said: list[tuple[str, ...]]
     said = [(_damage_text(answer, k), f"{P:.3f}") if shown else ("withheld", "") for k, P in enumerate(answer.probability)]
+    head = ["zone", "damage [%]", "P(damaged)"]
+    if answer.growth is not None and answer.growth_probability is not None:
+        head += ["grown [%]", "P(grown)"]
+        grown = [(_growth_text(answer, k), f"{P:.3f}") for k, P in enumerate(answer.growth_probability)]
+        said = [(*cells, *(more if shown else ("", ""))) for cells, more in zip(said, grown, strict=True)]
     rows = [
         (label, *cells, *[remark] * any(remarks))
         for label, cells, remark in zip(labels.values(), said, remarks, strict=True)
     ]
-    return TableText(("zone", "damage [%]", "P(damaged)", *["remark"] * any(remarks)), rows, "Digital twin")
+    return TableText((*head, *["remark"] * any(remarks)), rows, "Digital twin")
 
 
 def nuisance_cells(answer: Answer) -> list[tuple[str, str]]:
@@ -138,7 +163,7 @@ def _damage(answer: Answer) -> list[Chart]:
     return charts
 
 
-def _histories(answer: Answer) -> list[Chart]:
+def _histories(answer: Answer, name_of_record: str = "") -> list[Chart]:
     """Draw for each sensor its record and what it reads by the answer, and the difference of both."""
     record = answer.record
     static = isinstance(record, StaticRecord)
@@ -154,7 +179,7 @@ def _histories(answer: Answer) -> list[Chart]:
             *band("± 1 deviation of the noise", time[[0, -1]], np.full(2, -noise[k]), np.full(2, noise[k]), "@1"),
             curve("record less answer", time, measured - read, "@grey"),
         ]
-        name, y = f"Sensor {answer.order[k]}", f"{record.kind} [{unit}]"
+        name, y = f"{name_of_record and f'{name_of_record}, '}Sensor {answer.order[k]}", f"{record.kind} [{unit}]"
         pair = [Chart(title, axis, y, some, linked="time") for title, some in ((name, traces), ("Difference", left))]
         charts += section(name, pair)
     return charts
@@ -169,4 +194,15 @@ def _facts(answer: Answer, *, shown: bool) -> list[str | TableText]:
         ("Order of the sensors", ", ".join(map(str, answer.order))),
     ]
     beside = table(("quantity", "value"), nuisances, "What else was fitted") if nuisances else ""
-    return [zone_cells(answer, shown=shown), beside, table((), rows, "The fit")]
+    each = [
+        (k, f"{record.chi2_per_sample:.3f}", f"{record.chi2_bound:.3f}", _own_of(record, answer))
+        for k, record in enumerate(answer.records, 1)
+    ]
+    head = ("record", "chi2 per sample", "bound", "of this record alone")
+    records = [table(head, each, "Records")] * bool(each)
+    return [zone_cells(answer, shown=shown), beside, *records, table((), rows, "The fit")]
+
+
+def _own_of(record: Answer, answer: Answer) -> str:
+    """Return what was fitted of one record alone."""
+    return ", ".join(f"{name} {text}" for name, text in nuisance_cells(record) if name not in answer.nuisances)

@@ -1,0 +1,280 @@
+r"""One damage of each zone for several records, and what has grown since the last inspection.
+
+Symbols: ``x`` unknowns of all records, see ``JointProblem``; ``k`` records, ``z`` zones.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+from gossamer_files.options import option
+from threadpoolctl import threadpool_limits
+
+from ..arrays import Matrix, Vector
+from ..errors import ConvergenceError, DataError, require
+from .answer import Answer, ZonesFound, of_record, order_of, together_with, untold_zones
+from .correction import differentiated, moved
+from .forward import Forward
+from .groups import alike, without_nuisances
+from .joint import Before, JointProblem
+from .least_squares import bounded_minimum
+from .nuisances import NUMBERS
+from .oddities import chi2_bound
+from .problem import RecordProblem
+from .record import ResponseRecord
+from .search import Begun, Fit, again, ended, in_groups, with_rivals
+from .twin import Alone, Twin
+
+HEALED = 4.0  # deviations by which a zone that a record finds less damaged than the last inspection is named
+OF_ALL = (*NUMBERS, "gain")  # nuisances that are the same in all records
+ROUNDS, SETTLED = 4, 0.5  # of a finer mesh, and deviations of a damage that the last one moves at most
+UNSEEN = 1e-9  # of curvature: of what no record tells
+
+
+@dataclass(frozen=True, kw_only=True)
+class Earlier:
+    """What the last inspection said.
+
+    Attributes
+    ----------
+    zones : tuple of str
+        Their names.
+    damage, probability : ndarray, shape (z,)
+        Damage [1], and how likely there is some.
+    covariance : ndarray, shape (z, z)
+        Of the damages.
+    """
+
+    zones: tuple[str, ...]
+    damage: Vector
+    probability: Vector
+    covariance: Matrix
+
+    @classmethod
+    def read(cls, path: Path) -> Earlier:
+        """Read the answer of a twin.
+
+        Raises
+        ------
+        DataError
+            It is none, or it is not valid.
+        """
+        try:
+            content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+            valid, zones = bool(content["valid"]), tuple(map(str, content["zones"]))
+        except (OSError, KeyError, TypeError, ValueError) as error:
+            msg = f"{path} is no answer of a twin: {error}. Write one with 'gossamer twin'."
+            raise DataError(msg) from error
+        msg = f"{path} is not valid, so nothing can be said since then. Take an inspection that is, or inspect without it."
+        require(valid, msg, DataError)
+        middle = np.mean(np.array(content["bounds"], dtype=float), axis=1)  # of a zone that had bounds alone
+        damage = [middle[k] if value is None else value for k, value in enumerate(content["damage"])]
+        arrays = {name: np.array(content[name], dtype=float) for name in ("probability", "covariance")}
+        return cls(zones=zones, damage=np.array(damage, dtype=float), **arrays)
+
+    @classmethod
+    def of(cls, answer: Answer) -> Earlier:
+        """Take an answer that is valid."""
+        require(answer.valid, "the last answer is not valid, so nothing can be said since then. Leave it out.", DataError)
+        return cls(zones=answer.zones, damage=answer.damage, probability=answer.probability, covariance=answer.covariance)
+
+    def before(self, zones: Sequence[str], repaired: Sequence[str]) -> Before:
+        """Return the damages that what has grown since is added to: none in zones that were repaired.
+
+        Raises
+        ------
+        DataError
+            It is of other zones, or a repaired zone is none of them.
+        """
+        if self.zones != tuple(zones):
+            msg = f"the last inspection has the zones {', '.join(self.zones)}, the structure has {', '.join(zones)}"
+            raise DataError(msg)
+        for name in repaired:
+            require(name in zones, f"there is no zone {name!r} to be repaired. Choose from {', '.join(zones)}.", DataError)
+        stays = np.array([name not in repaired for name in zones], dtype=float)
+        variance, modes = np.linalg.eigh(self.covariance * np.outer(stays, stays))
+        return Before(self.damage * stays, modes * np.sqrt(np.maximum(variance, 0.0)))
+
+
+def inspect(
+    twin: Twin,
+    records: Sequence[ResponseRecord],
+    *,
+    since: Earlier | Answer | None = None,
+    repaired: Sequence[str] = (),
+    report: Callable[[float, int], None] = lambda *_: None,
+) -> Answer:
+    """Find the one damage of each zone that explains several records.
+
+    Parameters
+    ----------
+    twin : Twin
+        Of the structure.
+    records : sequence of ResponseRecord
+        Each with loads of its own; a single one is answered as by ``Twin.fit`` unless ``since`` is given.
+    since : Earlier, Answer or None
+        The last inspection. Damage does not heal, so that what has grown since is at least 0.
+    repaired : sequence of str
+        Names of zones that were repaired since: they begin without damage.
+    report : callable
+        As of ``Twin.fit``.
+
+    Returns
+    -------
+    Answer
+        With ``records``, what it says of each; of the structure's numbers in ``nuisances``; and with what has grown.
+
+    Raises
+    ------
+    DataError
+        There are no records, one cannot be used, or the last inspection is not of this structure.
+
+    Notes
+    -----
+    Each record is searched by itself first. Damages, numbers of the structure and gains of sensors are then those of all
+    records; loads, clock, offsets and noise are those of each. The damages of the last inspection are unknowns with its
+    covariance as prior, and a zone has grown only if that explains the records better, by the same price as damage.
+    """
+    require(records, "an inspection needs a record or more.", DataError)
+    if len(records) == 1 and since is None:
+        return twin.fit(records[0], report)
+    earlier = Earlier.of(since) if isinstance(since, Answer) else since
+    before = None if earlier is None else earlier.before(twin.names, repaired)
+    require(earlier is not None or not repaired, "zones are repaired since an inspection. Name that too.", DataError)
+    with threadpool_limits(1):
+        alone = [twin.alone(record, report) for record in records]
+        fit = _together(twin, alone, before)
+        unresolved = untold_zones(fit)
+        if before is None:
+            fit = _in_groups(fit, sparse=twin.sparse)
+        return _answer(twin, fit, alone, earlier, unresolved)
+
+
+def _together(twin: Twin, alone: Sequence[Alone], before: Before | None) -> Fit:
+    """Fit all records from what they say by themselves, with finer meshes where they had them."""
+    problems, sparse = [each.fit.problem for each in alone], twin.sparse
+
+    def finer(problem: RecordProblem) -> tuple[Forward, Matrix] | None:
+        return None if problem.added is None else twin.finer(problem)
+
+    there = dict.fromkeys(name for problem in problems for name in problem.nuisances.names)
+    joint = JointProblem(problems, [name for name in there if name.partition("[")[0] in OF_ALL], before=before)
+    whole = cast(RecordProblem, joint)  # it has all that a search needs of one
+    middle = _between(joint, [each.fit for each in alone])
+    starts = [Begun(middle)]
+    for kept in dict.fromkeys(each.fit.kept[: joint.zones].tobytes() for each in alone):
+        zones = np.frombuffer(kept, dtype=bool)
+        stays = np.r_[zones, np.ones(joint.size - joint.zones, dtype=bool)]
+        starts.append(Begun(np.where(stays, middle, 0.0), kept=stays))
+    ends = [end for start in starts if (end := ended(whole, start, sparse=sparse, rivals=False)) is not None]
+    if not ends:
+        msg = "the twin's membrane fails where it should explain all records. Check their loads."
+        raise ConvergenceError(msg)
+    fit = min(ends, key=lambda end: (not end.passes, end.worth))
+    for _ in range(ROUNDS):
+        moving = np.isin(np.arange(joint.size), differentiated(fit))
+        refined = joint.corrected(fit.point.x, moving, finer)
+        if refined is None:
+            break
+        last, joint = fit, refined
+        fit = again(fit, cast(RecordProblem, joint), sparse=sparse, rivals=False)
+        if moved(last, fit) < SETTLED:
+            break
+    return with_rivals(fit) if sparse and fit.passes else fit
+
+
+def _between(joint: JointProblem, fits: Sequence[Fit]) -> Vector:
+    """Return the unknowns at which the quadratic models of chi2 of all records by themselves are smallest together."""
+    A, g = np.diag(np.maximum(joint.prior, UNSEEN)), np.zeros(joint.size)
+    for (start, matrix), fit in zip(joint.maps, fits, strict=True):
+        x, prior = fit.point.x, fit.problem.prior
+        own = fit.model.A - np.diag(prior)
+        g += matrix.T @ (fit.model.g + prior * x + own @ (x - start))
+        A += matrix.T @ own @ matrix
+    return bounded_minimum(A, g, joint.low, joint.high)
+
+
+def _in_groups(fit: Fit, *, sparse: bool) -> Fit:
+    """Return the fit with one damage for zones that the records together do not tell apart, where that explains them."""
+    joint = cast(JointProblem, fit.problem)
+    groups = alike(without_nuisances(fit.model.A, joint.zones))
+    if not fit.passes or groups.max() + 1 == joint.zones:
+        return fit
+    whole = cast(RecordProblem, JointProblem(joint.problems, joint.shared, groups))
+    together = in_groups(fit, whole, sparse=sparse)
+    return together if together is not None and together.passes else fit
+
+
+def _healed(alone: Sequence[Alone], before: Before, *, sparse: bool) -> list[str]:
+    """Name zones that records by themselves find less damaged than the last inspection did."""
+    said = dict[str, str]()
+    for k, each in enumerate(alone, 1):
+        found = ZonesFound.of(each.fit, sparse=sparse)
+        zones = each.fit.problem.model.zones
+        deviation = np.hypot(found.unknowns[: len(zones)], np.linalg.norm(before.root, axis=1))
+        for z in np.flatnonzero((before.damage - found.damage > HEALED * deviation) & each.fit.passes).tolist():
+            was, now = 100.0 * before.damage[z], 100.0 * found.damage[z]
+            text = f"{zones[z]} was damaged by {was:.2g} % at the last inspection, and record {k} finds {now:.2g} %"
+            said.setdefault(zones[z], f"{text}. If it was repaired, say so: {option('repaired', zones[z])}")
+    return list(said.values())
+
+
+def _answer(twin: Twin, fit: Fit, alone: Sequence[Alone], earlier: Earlier | None, unresolved: tuple[int, ...]) -> Answer:
+    joint, found = cast(JointProblem, fit.problem), ZonesFound.of(fit, sparse=twin.sparse)
+    fields, z = found.as_fields(joint.groups), joint.zones
+    healed = list[str]()
+    if joint.before is not None and earlier is not None:
+        healed = _healed(alone, joint.before, sparse=twin.sparse)
+        grown = {name: fields[name] for name in ("damage", "deviation", "probability")}
+        fields |= {f"growth_{name}" if name != "damage" else "growth": value for name, value in grown.items()}
+        at = joint.maps[0][1][:z]  # from all unknowns to the damages
+        covariance = at @ found.covariance @ at.T
+        fields["damage"] = np.maximum(joint.maps[0][0][:z] + at @ fit.point.x, 0.0)
+        fields["covariance"], fields["deviation"] = covariance, np.sqrt(np.diag(covariance))
+        stays = np.where(joint.before.damage > 0.0, earlier.probability, 0.0)
+        fields["probability"] = 1.0 - (1.0 - stays) * (1.0 - grown["probability"])
+    said, valid, records = healed, fit.passes and not healed, list[Answer]()
+    common: dict[str, Any] = {"zones": joint.model.zones, "unresolved": unresolved, "together_with": together_with(fit)}
+    chi2 = joint.chi2_of_records(fit.point)
+    for k, (problem, each) in enumerate(zip(joint.problems, alone, strict=True)):
+        deviation = np.sqrt(joint.maps[k][1] ** 2 @ found.unknowns**2)
+        point = joint.point(k, fit.point.x)
+        more, hidden = twin.of_mesh(problem)
+        of_this, doubts, reads = of_record(problem, point, deviation[problem.zones :])
+        mine = [*each.doubts, *doubts, *more]
+        explained = chi2[k] / problem.values <= chi2_bound(problem)
+        if not explained:
+            mine.insert(0, "it is not explained with the others: its own damage, load or sensors differ")
+        if not each.fit.passes:
+            mine.insert(0, "the twin does not explain it by itself. Leave it out, or fit it alone to see why")
+        wired = each.wiring is not None and each.wiring.moved
+        good = explained and reads and not hidden and not wired
+        valid = valid and good
+        said += [f"record {k + 1}: {text}" for text in mine]
+        records.append(
+            Answer(
+                **common,
+                **fields,
+                **of_this,
+                chi2_per_sample=chi2[k] / problem.values,
+                chi2_bound=chi2_bound(problem),
+                valid=good,
+                order=order_of(each.wiring, joint.model.sensors),
+                doubts=tuple(mine),
+            )
+        )
+    said[:0] = [fit.oddity] * bool(fit.oddity)
+    shared = {name: value for name, value in records[0].nuisances.items() if name in joint.shared}
+    whole: dict[str, Any] = {
+        "chi2_per_sample": fit.per_sample,
+        "chi2_bound": fit.chi2_bound,
+        "valid": valid,
+        "doubts": tuple(said),
+    }
+    samples, simulations = joint.values, sum(record.simulations for record in records)
+    return replace(records[0], **whole, nuisances=shared, samples=samples, simulations=simulations, records=tuple(records))
