@@ -23,7 +23,7 @@ def runge_kutta_membrane(elements_per_side: int, order: int) -> StepModel:
 
     def rate(q: ca.MX, v: ca.MX, phase: ca.MX) -> tuple[ca.MX, ca.MX]:
         shared = equations.shared(given, named, named.pressure_amplitude * ca.sin(2.0 * np.pi * phase), ca.MX(0.0))
-        f = equations.forces(equations.positions(q, given, named), shared, named).f[:n]
+        f = equations.forces(equations.positions(q, given, named), shared, given, named).f[:n]
         a = equations.lightness(named) * equations.arrays["mobility"] * f
         a += -named.mass_damping * v - given.base_acceleration * normal
         return v, a

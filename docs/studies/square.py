@@ -46,7 +46,7 @@ class SquareEquations:
     @cached_property
     def force(self) -> ca.Function:
         """Forces [N], shape (n_q,)."""
-        return self._function(lambda *arguments: self._equations.forces(*arguments).f[: self.n_q])
+        return self._function(lambda x, shared, p: self._equations.forces(x, shared, p, p).f[: self.n_q])
 
     @cached_property
     def tangent(self) -> ca.Function:

@@ -110,7 +110,7 @@ def test_what_is_no_inspection_is_refused(content, message, tmp_path):
 
 
 def test_wrong_zones_are_refused(twin, spring):
-    with pytest.raises(DataError, match="no zone 'zone_99' to be repaired. Choose from zone_1"):
+    with pytest.raises(DataError, match=r"no zone 'zone_99' to be repaired. Choose from zone_1"):
         inspect(twin, [record()], since=spring, repaired=["zone_99"])
     with pytest.raises(DataError, match="repaired since an inspection"):
         inspect(twin, [record(), record()], repaired=["zone_1"])

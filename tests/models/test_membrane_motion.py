@@ -69,7 +69,9 @@ def frequencies(file, order):
     equations, zero = MembraneEquations(structure), ca.MX(0.0)
     assert equations.shared_names == ("D", "pressure", "along", "across", "shear")
     shared = {"D": modulus * h / (1.0 - nu**2) * one, "pressure": zero, "along": strain, "across": strain, "shear": zero}
-    tangent = ca.Function("tangent", [x], [ca.jacobian(equations.forces(x, shared, SimpleNamespace()).f, x)])
+    tangent = ca.Function(
+        "tangent", [x], [ca.jacobian(equations.forces(x, shared, SimpleNamespace(), SimpleNamespace()).f, x)]
+    )
     free = 3 * np.arange(len(structure.moving)) + 2
     K = -tangent(structure.mesh.nodes[structure.order].ravel()).sparse().toarray()[np.ix_(free, free)]
     root = np.sqrt(structure.mass[structure.moving])

@@ -216,13 +216,19 @@ class MembraneEquations:
             found += ["absorbed", "mirrored", "light_x", "light_y", "light_z"]
         return tuple(found)
 
-    def forces(self, x: ca.MX, shared: Shared, p: Values) -> Forces:
-        r"""Write the nodal forces of stress, follower pressure and light.
+    def spring_stiffness(self, p: Values) -> ca.MX:
+        """Write the stiffness of springs at each displacement that is not held [N/m], shape (3 M,)."""
+        each = ca.vertsplit(p.support_stiffness) if self.structure.setup.springs else []
+        return sum((k * self.arrays[f"spring_{i}"] for i, k in enumerate(each)), ca.MX.zeros(self.n_q))
+
+    def forces(self, x: ca.MX, shared: Shared, u: Values, p: Values) -> Forces:
+        r"""Write the nodal forces of stress, follower pressure, light and springs.
 
         Notes
         -----
         The bound of the frequency is that of the element whose own is highest: ``geometry.stiffest`` times the square of
-        the wave speed at its fastest point. With inertia along the surface scaled by k, waves along it are slower by
+        the wave speed at its fastest point. Springs add the largest
+        of theirs on lumped masses. With inertia along the surface scaled by k, waves along it are slower by
         sqrt(k), and transverse ones, whose speed is :math:`\sqrt{S/\rho}`, are not. Where an element is tilted against
         the normal of a node, that share of its stress moves the node's own inertia. The bound takes the tilt of the
         reference shape: a surface that turns by more than sqrt(1.8/k) rad against it is beyond the margin of the step.
@@ -244,7 +250,14 @@ class MembraneEquations:
             rate, strain = ca.fmax(total.rate, part.rate), ca.fmax(total.strain, part.strain)
             total = Forces(total.f + part.f, rate, strain, total.compressed + part.compressed)
         area = float(self.structure.areas.sum())
-        return replace(total, rate=self._quickening(p) * total.rate, compressed=total.compressed / area)
+        total = replace(total, rate=self._quickening(p) * total.rate, compressed=total.compressed / area)
+        if not self.structure.setup.springs:
+            return total
+        k = self.spring_stiffness(p)
+        moving, held = self.parted(x)
+        pull = k * (moving - self._still(u, p, self.parted)[0])
+        rate = self.lightness(p) * ca.mmax(k * self.arrays["mobility"])
+        return replace(total, f=total.f - ca.vertcat(pull, ca.MX.zeros(held.numel())), rate=total.rate + rate)
 
     def volume(self, x: ca.MX) -> ca.MX:
         r"""Write the volume [m3] that the enclosing faces bound: :math:`\tfrac13 \oint x \cdot n\,\mathrm{d}A`.
@@ -383,6 +396,7 @@ def _arrays(structure: Structure) -> dict[str, Vector]:
     }
     if structure.setup.inplane_mass > 1.0:
         found["normals"] = structure.normals[moving].ravel()
+    found |= {f"spring_{i}": row.reshape(-1, 3)[moving].ravel() for i, row in enumerate(structure.springs)}
     motions = enumerate(structure.setup.supports)
     found |= {f"way_{i}": of_nodes(structure.ways[i]) for i, support in motions if support.motion}
     if structure.edge_force.any():

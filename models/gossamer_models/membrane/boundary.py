@@ -12,17 +12,33 @@ from ..arrays import Vector
 from ..mistakes import Mistake, raise_any
 from .element import derivative_matrix, lobatto_points
 from .geometry import Geometry
-from .setup import Load, Setup
+from .setup import Load, Setup, Support
 from .surface import SurfaceMesh, sides_of
 
 
 def free_displacements(setup: Setup, mesh: SurfaceMesh) -> NDArray[np.bool_]:
     """Return which displacements are not held, shape (3 N,)."""
-    free = np.ones((len(mesh.nodes), 3), dtype=bool)
-    for support in setup.supports:
-        for axis in support.fixed:
-            free[mesh.points[support.group], "xyz".index(axis)] = False
-    return free.ravel()
+    rigid = [_held(support, mesh) for support in setup.supports if not support.stiffness]
+    return np.asarray(~np.any([np.zeros(mesh.nodes.size, dtype=bool), *rigid], axis=0))
+
+
+def springs(setup: Setup, mesh: SurfaceMesh, mass: Vector) -> Vector:
+    """Return the share [1] of the stiffness of each support that is a spring at each displacement, shape (springs, 3 N)."""
+    found = np.zeros((len(setup.springs), mesh.nodes.size))
+    for row, i in zip(found, setup.springs, strict=True):
+        nodes = mesh.points[setup.supports[i].group]
+        share = np.zeros(len(mesh.nodes))
+        share[nodes] = mass[nodes] / mass[nodes].sum()
+        row[:] = np.repeat(share, 3) * _held(setup.supports[i], mesh)
+    return found
+
+
+def _held(support: Support, mesh: SurfaceMesh) -> NDArray[np.bool_]:
+    """Return which displacements a support acts on, shape (3 N,)."""
+    found = np.zeros((len(mesh.nodes), 3), dtype=bool)
+    for axis in support.fixed:
+        found[mesh.points[support.group], "xyz".index(axis)] = True
+    return found.ravel()
 
 
 def loose(mesh: SurfaceMesh, free: NDArray[np.bool_]) -> Iterator[Mistake]:

@@ -132,7 +132,7 @@ def in_plane(equations: MembraneEquations, u: Values, p: Values) -> tuple[ca.MX,
     q = ca.MX.sym("q", n)
     shared = equations.shared(by_symbol, by_symbol, ca.MX(0.0), ca.MX(0.0)) | {"pressure": ca.MX(0.0)}
     x = equations.positions(q, by_symbol, by_symbol)
-    f = equations.forces(x, shared, by_symbol).f[:n]
+    f = equations.forces(x, shared, by_symbol, by_symbol).f[:n]
     q_next = q + 0.0
     q_next[plane] += ca.solve(tangent(equations, x, shared, by_symbol, axes=2), f[plane], "ldl")
     newton = ca.Function("newton", [q, *(symbol for symbol, _ in given)], [q_next])
@@ -141,7 +141,7 @@ def in_plane(equations: MembraneEquations, u: Values, p: Values) -> tuple[ca.MX,
     for _ in range(NEWTON_STEPS):
         q = newton(q, *(value for _, value in given))
     shared = equations.shared(u, p, ca.MX(0.0), ca.MX(0.0)) | {"pressure": ca.MX(0.0)}
-    found = equations.forces(equations.positions(q, u, p), shared, p)
+    found = equations.forces(equations.positions(q, u, p), shared, u, p)
     size = equations.structure.elements[0].geometry.side * equations.size(p)
     accepted = PLANE * size * ca.mmax(shared["D"]) * (1.0 + ca.fmax(found.strain, 0.0)) ** 1.5
     left = ca.norm_inf(found.f[:n]) / accepted
@@ -152,7 +152,8 @@ def tangent(equations: MembraneEquations, x: ca.MX, shared: Shared, p: Values, a
     """Write ``-df/dx`` [N/m] of the moving nodes along the first axes, sparse, shape (axes M, axes M)."""
     blocks, size = equations.tangents(x, shared, p, axes), equations.n_q // 3 * axes
     places = [equations.places(kind, axes) for kind in equations.structure.elements]
-    return -sum(_assembled(each, rows, size) for each, rows in zip(blocks, places, strict=True))
+    K = -sum(_assembled(each, rows, size) for each, rows in zip(blocks, places, strict=True))
+    return K + ca.diag(equations.spring_stiffness(p)) if equations.structure.setup.springs else K
 
 
 def _assembled(blocks: ca.MX, rows: NDArray[np.int64], size: int) -> ca.MX:
@@ -191,10 +192,13 @@ def balance(equations: MembraneEquations, q: ca.MX, u: Values, p: Values) -> tup
     """
     shared = equations.shared(u, p, ca.MX(0.0), equations.gas_of_start(u))
     stiffer = ca.mmax(p.youngs_modulus / ca.DM([r.youngs_modulus for r in equations.structure.setup.regions]))
+    if springs := equations.structure.setup.springs:
+        drawn = ca.DM([equations.structure.setup.supports[i].stiffness for i in springs])
+        stiffer = ca.fmax(stiffer, ca.mmax(p.support_stiffness / drawn))
     parts = [ca.fabs(shared[name]) for name in ("along", "across", "shear") if name in shared]
     strained = ca.mmax(sum(parts)) if parts else 0.0
     x = equations.positions(q, u, p)
-    found = equations.forces(x, shared, p)
+    found = equations.forces(x, shared, u, p)
     f = with_dead_loads(equations, found.f, u, p)[: equations.n_q]
     if hasattr(u, "base_acceleration"):
         mass = ca.vec(ca.repmat(equations.mass(p)[: equations.n_q // 3].T, 3, 1))

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..variables import Variable, input_, local, output, parameter
 from .law import LAWS
-from .setup import Setup
+from .setup import SPRINGS, Setup
 
 BUILT_IN = (
     parameter("mass_damping", "1/s", "Damping force per mass and velocity relative to the base", 20.0, 0.0, 1e4),
@@ -33,9 +33,13 @@ def _parameters(setup: Setup) -> list[Variable]:
         )
         for i, r in enumerate(setup.regions)
     ]
+    springs = [
+        parameter(f"{SPRINGS}[{k}]", "N/m", f"Stiffness of the support {s.group}", s.stiffness, 1e-9, 1e12)
+        for k, s in enumerate((setup.supports[i] for i in setup.springs), 1)
+    ]
     text = "Factor on what the setup says of the"
     factors = [parameter(f"{name}_factor", "1", f"{text} {name}", 1.0, 0.01, 100.0) for name in setup.factors]
-    return [*moduli, *built_in, *factors]
+    return [*moduli, *springs, *built_in, *factors]
 
 
 def _inputs(setup: Setup, zone_names: tuple[str, ...]) -> list[Variable]:

@@ -189,12 +189,12 @@ def membrane_model(
 
         def pulled(at: ca.MX) -> tuple[Forces, ca.MX, ca.MX]:
             if setup.gas is None:
-                found = equations.forces(at, equations.shared(u, p, built_in, ca.MX(0.0)), p)
+                found = equations.forces(at, equations.shared(u, p, built_in, ca.MX(0.0)), u, p)
                 return found, with_dead_loads(equations, found.f, u, p), ca.MX(0.0)
             V = all_volume(equations.volume(at), x.volume)
             inside = equations.filled(u) * (all_volume(x.volume, x.volume) / V) ** setup.gas.exponent
             gas = inside - setup.gas.ambient
-            found = equations.forces(at, equations.shared(u, p, built_in, gas), p)
+            found = equations.forces(at, equations.shared(u, p, built_in, gas), u, p)
             found = replace(found, rate=found.rate + setup.gas.exponent * inside / V * equations.gas_mobility())
             return found, with_dead_loads(equations, found.f, u, p), gas
 
@@ -219,7 +219,7 @@ def membrane_model(
     def begin(q: ca.MX, u: Values, p: Values) -> tuple[MembraneState, dict[str, ca.MX]]:
         at, built_in = equations.positions(q, u, p), p.pressure_amplitude * ca.sin(p.pressure_phase)
         gas = equations.gas_of_start(u)
-        found = equations.forces(at, equations.shared(u, p, built_in, gas), p)
+        found = equations.forces(at, equations.shared(u, p, built_in, gas), u, p)
         phase = p.pressure_phase / (2.0 * np.pi)
         phase -= ca.floor(phase)
         V = ca.MX.zeros(0) if setup.gas is None else equations.volume(at)
@@ -300,6 +300,9 @@ def _cannot_ride(structure: Structure) -> Iterator[Mistake]:
     if np.any(held.any(axis=1) != held.all(axis=1)):
         text = 'on a frame that flies a node is held in all directions or in none. Write fixed = "xyz" for each support.'
         yield Mistake(("supports",), text)
+    if structure.setup.springs:
+        text = "on a frame that flies supports are rigid. Leave out 'stiffness'."
+        yield Mistake(("supports", structure.setup.springs[0], "stiffness"), text)
     if structure.setup.inplane_mass > 1.0:
         text = "on a frame that flies inertia must be that of the mass. Leave out 'inplane_mass'."
         yield Mistake(("inplane_mass",), text)

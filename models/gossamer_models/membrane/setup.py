@@ -16,7 +16,7 @@ from .zones import ZERO, Triple, Zone
 
 # variables that a membrane has beside loads and motions
 RESERVED = {
-    *("youngs_modulus", "mass_damping", "pressure_amplitude", "pressure_frequency", "pressure_phase"),
+    *("youngs_modulus", "support_stiffness", "mass_damping", "pressure_amplitude", "pressure_frequency", "pressure_phase"),
     *("base_acceleration", "gas_amount", "temperature", "damage", "strain", "displacement", "gas_pressure", "volume"),
     *("node", "largest_strain", "displacement_ratio", "compressed_share", "max_step"),
 }
@@ -25,6 +25,7 @@ RESERVED = {
 MAX_ORDER = 12
 MOST_REFINED = 5
 SCALABLE = ("thickness", "density", "prestress", "tension")
+SPRINGS = "support_stiffness"  # parameters of supports that are springs
 HOOKEAN = 1e-3  # prestress over Young's modulus up to which every law is Hooke's within a few parts in a thousand
 
 
@@ -73,7 +74,7 @@ class Region:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Support:
-    """Nodes that are held.
+    """Nodes that are held, or drawn to their place by springs.
 
     Attributes
     ----------
@@ -89,6 +90,9 @@ class Support:
         A point [m].
     motion : str
         Name of an input that multiplies the way; it starts at 1. Without a name the way stays.
+    stiffness : float
+        Of springs along the directions of ``fixed`` [N/m], of all nodes together, shared by their masses; 0 for a rigid
+        hold.
     """
 
     group: str
@@ -97,9 +101,10 @@ class Support:
     stretch: Triple = (1.0, 1.0, 1.0)
     centre: Triple = ZERO
     motion: str = ""
+    stiffness: float = 0.0
 
     def __post_init__(self) -> None:
-        mistakes = [*not_finite(self, "displacement", "stretch", "centre")]
+        mistakes = [*not_finite(self, "displacement", "stretch", "centre"), *outside(self, stiffness=(0.0, 1e12))]
         if not self.fixed or set(self.fixed) - set("xyz") or len(set(self.fixed)) < len(self.fixed):
             text = f'\'fixed\' is {self.fixed!r}. Write the directions that are held, for instance "xyz" or "z".'
             mistakes.append(Mistake(("fixed",), text))
@@ -292,6 +297,11 @@ class Setup:
 
     def __post_init__(self) -> None:
         raise_any([*self._mistakes()])
+
+    @property
+    def springs(self) -> tuple[int, ...]:
+        """Supports that are springs, from 0."""
+        return tuple(i for i, support in enumerate(self.supports) if support.stiffness)
 
     @property
     def scalable(self) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ from ..arrays import Vector
 from ..errors import DataError
 from ..mistakes import DescriptionError, Mistake, raise_any
 from ..variables import Variable
-from .boundary import edge_force, free_displacements, leaking, loose, members_of, unit_force, ways
+from .boundary import edge_force, free_displacements, leaking, loose, members_of, springs, unit_force, ways
 from .element import Element
 from .gauges import Gauge, gauge, place_matrix
 from .geometry import Geometry, geometry, stiffest, values
@@ -85,6 +85,8 @@ class Structure:
         Unit normals of the reference surface.
     ways : ndarray, shape (supports, 3 N)
         Where each support moves nodes [m].
+    springs : ndarray, shape (springs, 3 N)
+        Share [1] of the stiffness of each support that is a spring.
     edge_force : ndarray, shape (3 N,)
         Force of the tension along edges [N].
     unit_forces : dict
@@ -117,6 +119,7 @@ class Structure:
     stiffness: Vector
     normals: Vector
     ways: Vector
+    springs: Vector
     edge_force: Vector
     unit_forces: dict[str, Vector]
     gauges: tuple[Gauge, ...]
@@ -295,8 +298,10 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
         np.add.at(stiffness, block.elements, found.node_areas * (high * D[region[block.faces]])[:, None])
         np.add.at(normals, block.elements, found.node_normals)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
-    free = free_displacements(setup, mesh)
-    raise_any([*loose(mesh, free), *leaking(setup, mesh, free, encloses)])
+    free, sprung = free_displacements(setup, mesh), springs(setup, mesh, mass)
+    raise_any([*loose(mesh, free & ~sprung.any(axis=0)), *leaking(setup, mesh, free, encloses)])
+    drawn = np.array([setup.supports[i].stiffness for i in setup.springs])
+    stiffness += (drawn @ sprung).reshape(-1, 3).max(axis=1)
     return Structure(
         setup=setup,
         mesh=mesh,
@@ -314,6 +319,7 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
         stiffness=stiffness,
         normals=normals,
         ways=ways(setup, mesh),
+        springs=sprung,
         edge_force=edge_force(setup, mesh, normals),
         unit_forces={
             load.name: unit_force(load, mesh, measured) for load in setup.loads if load.kind in ("force", "dead_pressure")
