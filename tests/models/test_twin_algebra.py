@@ -80,6 +80,7 @@ class TwoValleys(LeastSquares):
         self.bend = bend
         self.low, self.high, self.prior, self.steps = np.zeros(2), np.full(2, 0.95), np.full(2, 1e-9), np.full(2, 1e-6)
         self.simulated = self.size = self.zones = 2
+        self.odds = np.full(2, 0.1)
         self.y, self.values = np.zeros(3), 3
         self.y = self.weigh(self.predict(np.array([damage])), np.zeros((1, 2)))[0]
 

@@ -5,7 +5,7 @@ from .law import LAWS
 from .model import first_period, membrane_model
 from .portable import read_structure
 from .reading import MeshFile, read_mesh
-from .setup import Edge, Gas, Load, Region, Sensor, Setup, Support
+from .setup import Edge, Fault, Gas, Load, Region, Sensor, Setup, Support
 from .square import MembraneParams, square_structure
 from .statics import Equilibria, Equilibrium, EquilibriumDerivatives
 from .structure import Structure, make_structure
@@ -22,6 +22,7 @@ __all__ = [
     "EquilibriumDerivatives",
     # what it is made of
     "Edge",
+    "Fault",
     "Gas",
     "LAWS",
     "Load",

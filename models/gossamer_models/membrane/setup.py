@@ -236,6 +236,38 @@ class Sensor:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Fault:
+    """Something that may go wrong beside damage of zones, which a twin weighs as an explanation like damage.
+
+    Attributes
+    ----------
+    name : str
+        What it is called in answers.
+    parameter : str
+        Parameter or input of the model that changes, or an array of them, such as ``gas_amount``, ``tension_factor``,
+        ``support_stiffness[2]``; or ``sensor[3]``, the reading of a sensor.
+    change : {"falls", "rises"}
+        To less or more than it should be, by an unknown share.
+    most : float
+        Largest share [1].
+    probability : float
+        How likely it is at an inspection beforehand [1].
+    """
+
+    name: str
+    parameter: str
+    change: Literal["falls", "rises"] = "falls"
+    most: float = 0.95
+    probability: float = 0.01
+
+    def __post_init__(self) -> None:
+        mistakes = [*outside(self, most=(1e-3, 0.95), probability=(1e-9, 0.5))]
+        if self.change not in ("falls", "rises"):
+            mistakes.append(Mistake(("change",), f'\'change\' is {self.change!r}. Write "falls" or "rises".'))
+        raise_any(mistakes)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Setup:
     """A membrane on a mesh.
 
@@ -264,6 +296,8 @@ class Setup:
     regions, zones, supports, edges, loads, sensors : tuple
         See there; without ``loads`` there is one follower pressure on all faces, ``pressure``.
     gas : Gas or None
+        See there.
+    faults : tuple of Fault
         See there.
     factors : tuple of str
         Some of ``SCALABLE``: numbers of the setup that a parameter ``<name>_factor`` of the model multiplies, in all
@@ -294,6 +328,7 @@ class Setup:
     sensors: tuple[Sensor, ...] = ()
     gas: Gas | None = None
     factors: tuple[str, ...] = ()
+    faults: tuple[Fault, ...] = ()
 
     def __post_init__(self) -> None:
         raise_any([*self._mistakes()])
@@ -339,6 +374,9 @@ class Setup:
             if name not in self.scalable or name in self.factors[:k]:
                 text = f"the setup has no {name!r} that a factor could multiply, or it stands twice."
                 yield Mistake(("factors",), text, name, self.scalable)
+        for name, count in Counter(fault.name for fault in self.faults).items():
+            if count > 1:
+                yield Mistake(("faults",), f"{count} faults have the name {name!r}. Give each its own.")
         names = [load.name for load in self.loads] + [support.motion for support in self.supports if support.motion]
         for name in RESERVED & set(names):
             text = f"a load or motion has the name {name!r}, which is that of another variable. Choose another."

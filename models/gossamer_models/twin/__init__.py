@@ -3,6 +3,7 @@
 from .answer import Answer
 from .calibrating import calibrate
 from .calibration import Calibration
+from .faults import known_faults
 from .forward import Forward, MembraneForward
 from .inspecting import Earlier, inspect
 from .mesh_error import MeshErrors
@@ -31,6 +32,7 @@ __all__ = [
     "Window",
     "calibrate",
     "inspect",
+    "known_faults",
     "make_record",
     "read_arriving",
     "read_loads",

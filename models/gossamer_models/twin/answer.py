@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..arrays import Matrix, Rows, Vector
 from .groups import UNRESOLVED
@@ -25,7 +24,28 @@ UNLIKELY = 1e-4  # sets of zones whose covariance does not count
 OFF = 0.2  # of the range: no answer is valid where a sensor is further off its model
 OFF_BEHIND = 0.005  # the same where the mesh's error was learned behind sensors that keep to it
 GROWTH = ("growth", "growth_deviation", "growth_probability")
-OF_ZONES = ("damage", "deviation", "probability", "covariance", "bounds", *GROWTH)
+OF_ZONES = ("damage", "deviation", "probability", "covariance", "bounds", *GROWTH, "faults", "explanations")
+EXPLAINS, EXPLANATIONS = 0.01, 6  # probability of an explanation that is told, and most of them
+
+
+@dataclass(frozen=True, kw_only=True)
+class FaultFound:
+    """What a twin says of a fault.
+
+    Attributes
+    ----------
+    name : str
+        What it is.
+    share, deviation : float
+        By which something is less, or more, than it should be [1], and its standard deviation.
+    probability : float
+        How likely it is [1].
+    """
+
+    name: str
+    share: float
+    deviation: float
+    probability: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,6 +56,10 @@ class Answer:
     ----------
     zones : tuple of str
         Names of the zones.
+    faults : tuple of FaultFound
+        Of everything else that may have gone wrong, where that was asked.
+    explanations : tuple of tuple
+        What explains the record, the likeliest first: probability [1], and what is damaged or wrong.
     damage, deviation : ndarray, shape (zones,)
         Lost fraction of Young's modulus [1] and its standard deviation, which counts in that other zones may explain the
         record as well; where ``damage`` is zero, the deviation that it would have if it were fitted.
@@ -101,6 +125,8 @@ class Answer:
     growth_deviation: Vector | None = None
     growth_probability: Vector | None = None
     records: tuple[Answer, ...] = ()
+    faults: tuple[FaultFound, ...] = ()
+    explanations: tuple[tuple[float, tuple[str, ...]], ...] = ()
 
     @property
     def determined(self) -> Rows:
@@ -145,6 +171,7 @@ class Answer:
         ]
         if not shown:
             return found | dict.fromkeys(OF_ZONES)
+        found["faults"] = [asdict(fault) for fault in self.faults]
         return found | {"damage": [None if np.isnan(value) else value for value in self.value.tolist()]}
 
 
@@ -186,7 +213,7 @@ def answer_of(
     of_zones = ZonesFound.of(fit, sparse=sparse)
     fields, more_doubts, reads = of_record(fit.problem, fit.point, of_zones.unknowns[fit.problem.zones :])
     return Answer(
-        zones=fit.problem.model.zones,
+        zones=names_of(fit),
         chi2_per_sample=per_sample,
         chi2_bound=bound,
         valid=valid and reads,
@@ -194,7 +221,7 @@ def answer_of(
         together_with=together_with(fit),
         order=order_of(wiring, fit.problem.model.sensors),
         doubts=(*said, *more_doubts, *more),
-        **of_zones.as_fields(fit.problem.groups),
+        **of_zones.as_fields(fit),
         **fields,
     )
 
@@ -239,17 +266,40 @@ class ZonesFound:
         deviation[:zones] = np.hypot(deviation[:zones], fit.vague)
         return cls(x[:zones], likely.probability[:zones], covariance, deviation, likely)
 
-    def as_fields(self, groups: NDArray[np.int64]) -> dict[str, Any]:
-        """Return what an answer says of all zones, whose groups have these damages."""
-        zones = self.damage.size
+    def as_fields(self, fit: Fit) -> dict[str, Any]:
+        """Return what an answer says of all zones and faults of a fit."""
+        problem, zones = fit.problem, self.damage.size
         deviation, damages = self.unknowns[:zones], self.covariance[:zones, :zones].copy()
         np.fill_diagonal(damages, deviation**2)
+        names = problem.model.zones
+        groups = problem.groups[: len(names) - (problem.zones - problem.whole)]
+        of_faults = zip(names[groups.size :], range(problem.whole, problem.zones), strict=True)
         return {
             "damage": self.damage[groups],
             "deviation": deviation[groups],
             "probability": self.probability[groups],
             "covariance": damages[np.ix_(groups, groups)],
+            "faults": tuple(
+                FaultFound(
+                    name=name,
+                    share=float(self.damage[k]),
+                    deviation=float(deviation[k]),
+                    probability=float(self.probability[k]),
+                )
+                for name, k in of_faults
+            ),
+            "explanations": tuple(self._explanations(fit)),
         }
+
+    def _explanations(self, fit: Fit) -> Iterator[tuple[float, tuple[str, ...]]]:
+        """Gather sets of damages and faults, the likeliest first."""
+        problem, names = fit.problem, np.array(fit.problem.model.zones)
+        called = [" and ".join(names[problem.groups == k]) for k in range(problem.zones)]
+        for k in np.argsort(-self.likely.weight, kind="stable")[:EXPLANATIONS]:
+            if self.likely.weight[k] < EXPLAINS:
+                return
+            x, kept = fit.point.x + self.likely.move[k], np.flatnonzero(self.likely.kept[k][: problem.zones])
+            yield float(self.likely.weight[k]), tuple(f"{called[at]} {100.0 * x[at]:.3g} %" for at in kept)
 
 
 def of_record(problem: RecordProblem, point: Point, deviation: Vector) -> tuple[dict[str, Any], list[str], bool]:
@@ -287,8 +337,15 @@ def of_record(problem: RecordProblem, point: Point, deviation: Vector) -> tuple[
 
 def untold_zones(fit: Fit) -> tuple[int, ...]:
     """Return the zones, from 1, whose own damage the record cannot tell."""
-    everything = np.sqrt(np.diag(_covariance(fit.model.A, np.ones(len(fit.model.g), dtype=bool))))[: fit.problem.zones]
+    free = (np.arange(fit.kept.size) < fit.problem.whole) | fit.kept  # faults that are not there take no zone's place
+    everything = np.sqrt(np.diag(_covariance(fit.model.A, free)))[: fit.problem.whole]
     return tuple(int(k) + 1 for k in np.flatnonzero(everything > UNRESOLVED * PRIOR_DEVIATION))
+
+
+def names_of(fit: Fit) -> tuple[str, ...]:
+    """Return the names of the zones, without those of faults."""
+    names = fit.problem.model.zones
+    return names[: len(names) - (fit.problem.zones - fit.problem.whole)]
 
 
 def order_of(wiring: Wiring | None, sensors: int) -> tuple[int, ...]:
@@ -298,7 +355,8 @@ def order_of(wiring: Wiring | None, sensors: int) -> tuple[int, ...]:
 
 def together_with(fit: Fit) -> tuple[tuple[str, ...], ...]:
     """Return the names of the other zones of the group of each."""
-    groups, names = fit.problem.groups, fit.problem.model.zones
+    names = names_of(fit)
+    groups = fit.problem.groups[: len(names)]
     return tuple(
         tuple(names[other] for other in np.flatnonzero(groups == group).tolist() if other != zone)
         for zone, group in enumerate(groups.tolist())

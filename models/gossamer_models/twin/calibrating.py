@@ -24,7 +24,7 @@ from .calibration import Calibration, drawing_of, with_factors
 from .joint import JointProblem
 from .least_squares import Minimum, Point, descend
 from .mesh_error import MeshErrors
-from .nuisances import BEYOND, NUMBERS, SCALES, scaled_by
+from .nuisances import BEYOND, NUMBERS, SCALES, number_of, scaled_by
 from .oddities import chi2_bound
 from .record import ResponseRecord
 from .twin import Twin
@@ -102,9 +102,11 @@ def calibrate(
     if lacking := [name for name, value in given.items() if value > 0.0 and not there.has(name)]:
         msg = f"the structure has no {lacking[0]!r} to calibrate. Leave its prior out."
         raise ParameterError(msg)
-    names = tuple(name for name in NUMBERS if given.get(name, 1.0) > 0.0 and there.has(name))
+    names = tuple(
+        part for name in NUMBERS if given.get(name, 1.0) > 0.0 and there.has(name) for part in _parts(name, structure)
+    )
     require(names, "all numbers of the structure are known: nothing is left to calibrate.", ParameterError)
-    prior = np.array([given.get(name, PRIORS[name]) for name in names])
+    prior = np.array([given.get(number_of(name), PRIORS[number_of(name)]) for name in names])
     before = Calibration(
         names=names,
         factors=np.ones(len(names)),
@@ -115,7 +117,8 @@ def calibrate(
         chi2_per_sample=(),
         chi2_bound=(),
     )
-    twin = Twin(structure, **known, known=[name for name in NUMBERS if name not in names], calibration=before)
+    exact = [name for name in NUMBERS if name not in map(number_of, names)]
+    twin = Twin(structure, **known, known=exact, calibration=before)
     with threadpool_limits(1):
         problems = []
         for k, record in enumerate(records, 1):
@@ -158,9 +161,9 @@ def _told(
     doubts += [f"the {name} {bound}" for name in far]
     doubts += _damaged(joint, found.point, twin.names)
     known = {
-        p: twin.parameters[p] * math.exp(log)
+        p: twin.numbers[p] * math.exp(log)
         for name, log in zip(names, logs, strict=True)
-        for p in scaled_by(name, twin.parameters)
+        for p in scaled_by(name, twin.numbers)
     }
     return replace(
         before,
@@ -172,6 +175,13 @@ def _told(
         doubts=tuple(doubts),
         untold=(*_combinations(names, C), *unrefined),
     )
+
+
+def _parts(name: str, structure: Structure) -> list[str]:
+    """Return a number of a structure, or one for each region or support where it has several."""
+    setup = structure.setup
+    several = {"modulus": len(setup.regions), "support": len(setup.springs)}.get(name, 1)
+    return [name] if several < 2 else [f"{name}[{k}]" for k in range(1, several + 1)]
 
 
 def _combinations(names: Sequence[str], C: Matrix) -> list[str]:

@@ -6,7 +6,7 @@ Symbols: ``z`` zones, ``s`` sensors, ``m`` cases, ``n`` samples, ``k`` load stat
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
@@ -20,13 +20,14 @@ from ..arrays import Matrix, Vector
 from ..batch import Batch
 from ..batch.cases import BatchState
 from ..errors import ParameterError, require
-from ..membrane import Equilibria, Equilibrium, Structure, first_period, membrane_model, square_structure
+from ..membrane import Equilibria, Equilibrium, Fault, Structure, first_period, membrane_model, square_structure
 from ..membrane.gauges import Gauges
 
 LANES = 8  # cases that advance at once
 WORKERS = os.cpu_count() or 1  # threads of a simulation of many cases
 MEMORY = 2**24  # numbers of one recording
 MOST_NODES = 6000  # of a finer mesh
+FAULT_STEP = 1e-4  # of the share of a fault, for differences of equilibria
 
 
 class Forward(Protocol):
@@ -112,7 +113,7 @@ class Forward(Protocol):
 
 
 class MembraneForward:
-    """The membrane of any setup as a forward model.
+    """The membrane of any setup as a forward model, with the faults that it may have as zones after its own.
 
     Parameters
     ----------
@@ -122,24 +123,30 @@ class MembraneForward:
         Parameters, and inputs at the start, that differ from the start values of the model.
     gauges : Gauges or None
         What reads the strain; None for the sensors of the structure.
+    faults : sequence of Fault
+        Their shares follow the damages of the zones wherever these are given.
 
     Raises
     ------
     ParameterError
-        The setup has no zones, or the membrane has no such parameter or input.
+        The setup has no zones, or the membrane has no such parameter or input, or no such fault.
     """
 
     def __init__(
-        self, structure: Structure, parameters: Mapping[str, float] | None = None, gauges: Gauges | None = None
+        self,
+        structure: Structure,
+        parameters: Mapping[str, float] | None = None,
+        gauges: Gauges | None = None,
+        faults: Sequence[Fault] = (),
     ) -> None:
         if not structure.n_zones:
             msg = "the setup has no zones, so there is no damage to find. Write [[zones]] with groups of faces."
             raise ParameterError(msg)
-        self.structure, self.gauges = structure, gauges
+        self.structure, self.gauges, self.faults = structure, gauges, tuple(faults)
         if gauges is not None:
             structure = replace(structure, setup=replace(structure.setup, sensors=(), expose=True), gauges=())
         self._model = membrane_model(structure)
-        self.zones = structure.zone_names
+        self.zones = (*structure.zone_names, *(fault.name for fault in self.faults))
         self.sensors = structure.n_sensors if gauges is None else len(gauges.sensors)
         self._damages = self._model.elements("damage")
         rows = {c: [v for v in self._model.variables if v.causality == c] for c in ("parameter", "input")}
@@ -155,15 +162,50 @@ class MembraneForward:
             {name: given.get(name, value) for name, value in starts[c].items()} for c in ("parameter", "input")
         )
         self._given, self._batches, self._solving = given, dict[tuple[str, ...], Batch](), Lock()
+        self._acts_on = [self._acted_on(fault) for fault in self.faults]
+
+    def _acted_on(self, fault: Fault) -> tuple[int | None, list[str]]:
+        """Return which sensor a fault acts on, from 0, or which parameters and inputs."""
+        array, _, place = fault.parameter.partition("[")
+        if array == "sensor":
+            require(place[:-1].isdigit() and 0 < int(place[:-1]) <= self.sensors, f"there is no {fault.parameter}.")
+            return int(place[:-1]) - 1, []
+        numbers = [*self.parameters, *self.inputs]
+        found = [name for name in numbers if fault.parameter in (name, name.partition("[")[0])]
+        known = ", ".join(numbers[:12])
+        text = f"the fault {fault.name!r} acts on {fault.parameter!r}, which this membrane does not have"
+        require(found, f"{text}. It has {known}, ...")
+        return None, found
+
+    def acted(
+        self, damage: Matrix, parameters: Mapping[str, Vector], histories: Mapping[str, Matrix]
+    ) -> tuple[Matrix, dict[str, Vector], dict[str, Matrix], Matrix]:
+        """Return damages of the zones alone, parameters and histories as ``strain`` takes them, with what faults do to them.
+
+        The last is the share of its reading that each sensor keeps [1], shape (m, s).
+        """
+        z, moved, load = self.structure.n_zones, dict(parameters), dict(histories)
+        keeps = np.ones((len(damage), self.sensors))
+        for fault, (sensor, names), share in zip(self.faults, self._acts_on, damage[:, z:].T, strict=True):
+            factor = 1.0 - share if fault.change == "falls" else 1.0 + share
+            if sensor is not None:
+                keeps[:, sensor] *= factor
+            for name in names:
+                value = moved.get(name, self.parameters.get(name, self.inputs.get(name, 0.0)))
+                moved[name] = factor * value
+                if name in load:
+                    load[name] = factor[:, None] * load[name]
+        return damage[:, :z], moved, load, keeps
 
     def strain(
         self, damage: Matrix, parameters: Mapping[str, Vector], histories: Mapping[str, Matrix], steps: int, h: float
     ) -> Matrix:
         """Simulate the strain [1] of the sensors, see ``Forward``."""
+        damage, parameters, histories, keeps = self.acted(damage, parameters, histories)
         batch = self._batch(tuple(histories))
         start: dict[str, ArrayLike] = {**self._given, **parameters, "damage": damage}
         if self.gauges is None:
-            return batch.run(steps, h, start, histories, workers=WORKERS).results
+            return keeps[:, :, None] * batch.run(steps, h, start, histories, workers=WORKERS).results
         state = batch.run(0, h, start, {name: values[..., :0] for name, values in histories.items()}, workers=WORKERS).state
         nodes, found, done = self.structure.mesh.nodes, np.empty((len(damage), self.sensors, steps)), 0
         piece = max(1, MEMORY // (len(damage) * nodes.size))
@@ -174,7 +216,7 @@ class MembraneForward:
             for case, moved in enumerate(run.results):
                 found[case, :, done : done + n] = self.gauges.strain(nodes[:, :, None] + moved.reshape(*nodes.shape, n))
             state, done = run.state, done + n
-        return found
+        return keeps[:, :, None] * found
 
     def reading(self, gauges: Gauges) -> MembraneForward:
         """Return the same membrane, read by other gauges, if it has some."""
@@ -184,24 +226,33 @@ class MembraneForward:
 
     def states(self, damage: Matrix, parameters: Mapping[str, Vector], histories: Mapping[str, Matrix]) -> Matrix:
         """Return the strain [1] of the sensors in equilibrium, see ``Forward``."""
+        damage, parameters, histories, keeps = self.acted(damage, parameters, histories)
         found = self._at_rest(damage, parameters, histories)
         strain = found.strain
         if self.gauges is not None:
             strain = self.gauges.strain(np.moveaxis(self.structure.mesh.nodes + found.displacement, 0, 2)).T
-        return np.moveaxis(strain.reshape(len(damage), -1, self.sensors), 1, 2)
+        return keeps[:, :, None] * np.moveaxis(strain.reshape(len(damage), -1, self.sensors), 1, 2)
 
     def state_slopes(self, damage: Vector, parameters: Mapping[str, float], histories: Mapping[str, Vector]) -> Matrix:
         """Return how the strain in equilibrium changes with damage, see ``Forward``."""
-        found = self._at_rest(damage[None], {name: np.array([value]) for name, value in parameters.items()}, histories)
+        given = {name: np.array([value]) for name, value in parameters.items()}
+        of_zones, given, acting, keeps = self.acted(damage[None], given, histories)
+        found = self._at_rest(of_zones, given, acting)
         with self._solving:
-            slopes = self._equilibrium.derivatives(found, ["damage"]).strain
-        return np.moveaxis(slopes, 0, 2)
+            by_damage = self._equilibrium.derivatives(found, ["damage"]).strain
+        slopes: Matrix = keeps[0][None, :, None] * np.moveaxis(by_damage, 0, 2)
+        if not self.faults:
+            return slopes
+        rows = np.vstack([damage, *(damage + FAULT_STEP * unit for unit in np.eye(damage.size)[len(slopes) :])])
+        states = self.states(rows, {name: np.full(len(rows), value) for name, value in parameters.items()}, histories)
+        return np.concatenate([slopes, (states[1:] - states[0]) / FAULT_STEP])
 
     def begin(self, damage: Vector, parameters: Mapping[str, float]) -> tuple[BatchState, Vector]:
         """Return the state of rest of one case, and the strain [1] there, see ``Forward``."""
-        start: dict[str, ArrayLike] = {**self._given, **parameters, "damage": damage[None]}
-        run = self._batch(()).run(0, 1.0, start)
-        return run.state, run.initial[0]
+        given = {name: np.array([value]) for name, value in parameters.items()}
+        of_zones, given, _, keeps = self.acted(damage[None], given, {})
+        run = self._batch(()).run(0, 1.0, {**self._given, **given, "damage": of_zones})
+        return run.state, np.asarray(keeps[0] * run.initial[0])
 
     def advance(
         self, state: BatchState, damage: Matrix, histories: Mapping[str, Matrix], h: float
@@ -220,7 +271,7 @@ class MembraneForward:
     @cached_property
     def period(self) -> float:
         """Longest period of small vibrations without damage [s]."""
-        return first_period(self.structure, {**self._given, "damage": np.zeros((1, len(self.zones)))})
+        return first_period(self.structure, {**self._given, "damage": np.zeros((1, self.structure.n_zones))})
 
     @cached_property
     def limit(self) -> float:
@@ -255,4 +306,9 @@ def finer_of(forward: Forward) -> Forward | None:
         return None
     finer = forward.structure.finer()
     small = len(finer.mesh.nodes) <= MOST_NODES
-    return MembraneForward(finer, {**forward.parameters, **forward.inputs}) if small else None
+    return MembraneForward(finer, {**forward.parameters, **forward.inputs}, faults=forward.faults) if small else None
+
+
+def faults_of(forward: Forward) -> tuple[Fault, ...]:
+    """Return the faults that are the last zones of a forward model."""
+    return forward.faults if isinstance(forward, MembraneForward) else ()

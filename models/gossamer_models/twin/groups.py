@@ -29,6 +29,20 @@ def without_nuisances(A: Matrix, zones: int) -> Matrix:
     return np.asarray(V * np.maximum(e, 0.0) @ V.T)  # round-off leaves negative ones
 
 
+def groups_of(A: Matrix, zones: int, whole: int) -> NDArray[np.int64]:
+    """Return ``alike`` of the zones that come first among the damages of a curvature; every fault after them for itself.
+
+    Parameters
+    ----------
+    A : ndarray, shape (n, n)
+        Curvature over all unknowns.
+    zones, whole : int
+        As of ``DamageUnknowns``.
+    """
+    groups = alike(without_nuisances(A, zones)[:whole, :whole])
+    return np.concatenate([groups, groups.max() + 1 + np.arange(zones - whole)])
+
+
 def alike(A: Matrix) -> NDArray[np.int64]:
     """Gather zones that the record cannot tell one by one, and can tell together.
 

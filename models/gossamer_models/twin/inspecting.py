@@ -17,13 +17,13 @@ from threadpoolctl import threadpool_limits
 
 from ..arrays import Matrix, Vector
 from ..errors import ConvergenceError, DataError, require
-from .answer import Answer, ZonesFound, of_record, order_of, together_with, untold_zones
+from .answer import Answer, ZonesFound, names_of, of_record, order_of, together_with, untold_zones
 from .correction import differentiated, moved
 from .forward import Forward
-from .groups import alike, without_nuisances
+from .groups import groups_of
 from .joint import Before, JointProblem
 from .least_squares import bounded_minimum
-from .nuisances import NUMBERS
+from .nuisances import NUMBERS, number_of
 from .oddities import chi2_bound
 from .problem import RecordProblem
 from .record import ResponseRecord
@@ -83,8 +83,8 @@ class Earlier:
         require(answer.valid, "the last answer is not valid, so nothing can be said since then. Leave it out.", DataError)
         return cls(zones=answer.zones, damage=answer.damage, probability=answer.probability, covariance=answer.covariance)
 
-    def before(self, zones: Sequence[str], repaired: Sequence[str]) -> Before:
-        """Return the damages that what has grown since is added to: none in zones that were repaired.
+    def before(self, zones: Sequence[str], repaired: Sequence[str], faults: int = 0) -> Before:
+        """Return the damages that what has grown since is added to: none in zones that were repaired, and no faults.
 
         Raises
         ------
@@ -98,7 +98,8 @@ class Earlier:
             require(name in zones, f"there is no zone {name!r} to be repaired. Choose from {', '.join(zones)}.", DataError)
         stays = np.array([name not in repaired for name in zones], dtype=float)
         variance, modes = np.linalg.eigh(self.covariance * np.outer(stays, stays))
-        return Before(self.damage * stays, modes * np.sqrt(np.maximum(variance, 0.0)))
+        root = modes * np.sqrt(np.maximum(variance, 0.0))
+        return Before(np.pad(self.damage * stays, (0, faults)), np.pad(root, (0, faults)))
 
 
 def inspect(
@@ -144,7 +145,7 @@ def inspect(
     if len(records) == 1 and since is None:
         return twin.fit(records[0], report)
     earlier = Earlier.of(since) if isinstance(since, Answer) else since
-    before = None if earlier is None else earlier.before(twin.names, repaired)
+    before = None if earlier is None else earlier.before(twin.names, repaired, len(twin.faults))
     require(earlier is not None or not repaired, "zones are repaired since an inspection. Name that too.", DataError)
     with threadpool_limits(1):
         alone = [twin.alone(record, report) for record in records]
@@ -163,7 +164,7 @@ def _together(twin: Twin, alone: Sequence[Alone], before: Before | None) -> Fit:
         return None if problem.added is None else twin.finer(problem)
 
     there = dict.fromkeys(name for problem in problems for name in problem.nuisances.names)
-    joint = JointProblem(problems, [name for name in there if name.partition("[")[0] in OF_ALL], before=before)
+    joint = JointProblem(problems, [name for name in there if number_of(name) in OF_ALL], before=before)
     whole = cast(RecordProblem, joint)  # it has all that a search needs of one
     middle = _between(joint, [each.fit for each in alone])
     starts = [Begun(middle)]
@@ -202,7 +203,7 @@ def _between(joint: JointProblem, fits: Sequence[Fit]) -> Vector:
 def _in_groups(fit: Fit, *, sparse: bool) -> Fit:
     """Return the fit with one damage for zones that the records together do not tell apart, where that explains them."""
     joint = cast(JointProblem, fit.problem)
-    groups = alike(without_nuisances(fit.model.A, joint.zones))
+    groups = groups_of(fit.model.A, joint.zones, joint.whole)
     if not fit.passes or groups.max() + 1 == joint.zones:
         return fit
     whole = cast(RecordProblem, JointProblem(joint.problems, joint.shared, groups))
@@ -214,10 +215,10 @@ def _healed(alone: Sequence[Alone], before: Before, *, sparse: bool) -> list[str
     """Name zones that records by themselves find less damaged than the last inspection did."""
     said = dict[str, str]()
     for k, each in enumerate(alone, 1):
-        found = ZonesFound.of(each.fit, sparse=sparse)
-        zones = each.fit.problem.model.zones
-        deviation = np.hypot(found.unknowns[: len(zones)], np.linalg.norm(before.root, axis=1))
-        for z in np.flatnonzero((before.damage - found.damage > HEALED * deviation) & each.fit.passes).tolist():
+        found, zones = ZonesFound.of(each.fit, sparse=sparse), names_of(each.fit)
+        deviation = np.hypot(found.unknowns[: found.damage.size], np.linalg.norm(before.root, axis=1))
+        less = (before.damage - found.damage > HEALED * deviation)[: len(zones)]
+        for z in np.flatnonzero(less & each.fit.passes).tolist():
             was, now = 100.0 * before.damage[z], 100.0 * found.damage[z]
             text = f"{zones[z]} was damaged by {was:.2g} % at the last inspection, and record {k} finds {now:.2g} %"
             said.setdefault(zones[z], f"{text}. If it was repaired, say so: {option('repaired', zones[z])}")
@@ -226,7 +227,7 @@ def _healed(alone: Sequence[Alone], before: Before, *, sparse: bool) -> list[str
 
 def _answer(twin: Twin, fit: Fit, alone: Sequence[Alone], earlier: Earlier | None, unresolved: tuple[int, ...]) -> Answer:
     joint, found = cast(JointProblem, fit.problem), ZonesFound.of(fit, sparse=twin.sparse)
-    fields, z = found.as_fields(joint.groups), joint.zones
+    fields, z = found.as_fields(fit), joint.whole
     healed = list[str]()
     if joint.before is not None and earlier is not None:
         healed = _healed(alone, joint.before, sparse=twin.sparse)
@@ -236,10 +237,10 @@ def _answer(twin: Twin, fit: Fit, alone: Sequence[Alone], earlier: Earlier | Non
         covariance = at @ found.covariance @ at.T
         fields["damage"] = np.maximum(joint.maps[0][0][:z] + at @ fit.point.x, 0.0)
         fields["covariance"], fields["deviation"] = covariance, np.sqrt(np.diag(covariance))
-        stays = np.where(joint.before.damage > 0.0, earlier.probability, 0.0)
+        stays = np.where(joint.before.damage[:z] > 0.0, earlier.probability, 0.0)
         fields["probability"] = 1.0 - (1.0 - stays) * (1.0 - grown["probability"])
     said, valid, records = healed, fit.passes and not healed, list[Answer]()
-    common: dict[str, Any] = {"zones": joint.model.zones, "unresolved": unresolved, "together_with": together_with(fit)}
+    common: dict[str, Any] = {"zones": names_of(fit), "unresolved": unresolved, "together_with": together_with(fit)}
     chi2 = joint.chi2_of_records(fit.point)
     for k, (problem, each) in enumerate(zip(joint.problems, alone, strict=True)):
         deviation = np.sqrt(joint.maps[k][1] ** 2 @ found.unknowns**2)

@@ -19,6 +19,7 @@ from .least_squares import LeastSquares, Point
 from .nuisances import BEYOND, MODULUS
 from .problem import RecordProblem
 from .sensor_error import SensorError
+from .zone_sets import ODDS
 
 STEP = 5e-3  # of central differences, in units of the priors: errors of others would tell what no record can
 
@@ -55,8 +56,8 @@ class JointProblem(LeastSquares):
 
     Attributes
     ----------
-    zones : int
-        Damages among the unknowns.
+    zones, whole, odds
+        As of ``DamageUnknowns``.
     maps : list of tuple
         What turns unknowns into those of each record: start, shape (n,), and matrix, shape (n, size).
     parts : tuple of tuple
@@ -77,6 +78,7 @@ class JointProblem(LeastSquares):
         all_zones = len(self.model.zones)
         self.groups = np.arange(all_zones) if groups is None else groups
         self.zones = int(self.groups.max()) + 1
+        self.whole = self.zones - (problems[0].zones - problems[0].whole)
         size, places = self.zones + len(self.shared), {name: self.zones + k for k, name in enumerate(self.shared)}
         of_before = slice(size, size + (0 if before is None else all_zones))
         size, at = of_before.stop, list[list[int]]()
@@ -96,8 +98,11 @@ class JointProblem(LeastSquares):
         self.y = np.concatenate([problem.y for problem in problems])
         self.values = sum(problem.values for problem in problems)
         damages = np.arange(size) < self.zones
-        self.low, self.high = np.where(damages, 0.0, -BEYOND), np.where(damages, problems[0].high[0], BEYOND)
+        self.low, self.high = np.where(damages, 0.0, -BEYOND), np.full(size, BEYOND)
+        self.high[self.groups], self.odds = problems[0].high[:all_zones], np.full(size, ODDS)
+        self.odds[self.groups] = problems[0].odds[:all_zones]
         self.prior = np.where(damages, 0.0, 1.0)
+        self.prior[self.groups] = problems[0].prior[:all_zones]
         self.steps = np.full(size, STEP)
         ends = np.cumsum([problem.y.size for problem in problems]).tolist()
         self.parts = tuple(

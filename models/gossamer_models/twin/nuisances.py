@@ -27,8 +27,14 @@ FACTORS = {
     "density": ("density", 0.05),  # of all regions together
     "prestrain": ("edge_displacement", 0.05),
 }
-# Likewise, of structures that are calibrated.
-STRUCTURAL = {"thickness": ("thickness", 0.05), "prestress": ("prestress", 0.10), "tension": ("tension", 0.10)}
+# Likewise, of structures that are calibrated; of gas, an input.
+STRUCTURAL = {
+    "thickness": ("thickness", 0.05),
+    "prestress": ("prestress", 0.10),
+    "tension": ("tension", 0.10),
+    "support": ("support_stiffness", math.log(2.0)),  # of all springs together
+    "gas": ("gas_amount", 0.05),
+}
 SCALES = {**FACTORS, **STRUCTURAL}
 OF_BUILT_IN = ("amplitude", "frequency", "phase")  # which acts if its amplitude is not zero
 NUMBERS = tuple(name for name in SCALES if name not in OF_BUILT_IN)  # of the structure
@@ -57,6 +63,8 @@ WORDS = {
     "thickness": "the thickness is {value:.3g} times as large",
     "prestress": "the prestress is {value:.3g} times as large",
     "tension": "the tension of the edges is {value:.3g} times as large",
+    "support": "the supports are {value:.3g} times as stiff",
+    "gas": "there is {value:.3g} times as much gas",
 }
 BEYOND = 5.0  # no nuisance leaves its prior by more deviations
 KNOTS = 0.4  # of the first period, between knots of the spline of an unknown load
@@ -211,7 +219,8 @@ class Nuisances:
     @property
     def simulated(self) -> tuple[str, ...]:
         """Names of the nuisances that need a simulation each for a derivative."""
-        names = [kind for kind in (*SCALES, "phase") if kind in self.kinds and _acts(kind, self.parameters)]
+        each = (kind for of in (*SCALES, "phase") for kind in self.kinds if kind == of or number_of(kind) == of)
+        names = [kind for kind in each if _acts(kind, self._scalable)]
         names += [f"amplitude[{name}]" for name in self.scaled]
         return (*names, *(f"{name}[{k + 1}]" for name in self.unknown for k in range(self.knots)))
 
@@ -225,21 +234,30 @@ class Nuisances:
     def moved(self, z: Matrix) -> dict[str, Vector]:
         """Return the parameters, and inputs at the start, of rows of z, shape (m, number of nuisances)."""
         given = {name: np.full(len(z), value) for name, value in self.loads.start.items()}
-        names, root = self._root
-        for name, log in zip(names, root @ z[:, : len(names)].T, strict=True):
-            for parameter in scaled_by(name, self.parameters):
-                given[parameter] = self.parameters[parameter] * np.exp(log)
+        for parameter, factor in self._factors(z).items():
+            given[parameter] = factor * {**self._scalable, **self.loads.start}[parameter]
         if "phase" in self.simulated:
-            given["pressure_phase"] = self.parameters["pressure_phase"] + PHASE * z[:, len(names)]
+            given["pressure_phase"] = self.parameters["pressure_phase"] + PHASE * z[:, self.simulated.index("phase")]
         for name, factor in self._scales(z).items():
             given[name] = factor * self.loads.start.get(name, self.inputs[name])
         return given
 
     @property
+    def _scalable(self) -> dict[str, float]:
+        """Parameters and inputs that factors multiply, with their values."""
+        return {**self.parameters, **self.inputs}
+
+    def _factors(self, z: Matrix) -> dict[str, Vector]:
+        """Return the factors on parameters and inputs of the structure, shape (m,)."""
+        names, root = self._root
+        logs = dict(zip(names, root @ z[:, : len(names)].T, strict=True))
+        return {parameter: np.exp(log) for name, log in logs.items() for parameter in scaled_by(name, self._scalable)}
+
+    @property
     def _root(self) -> tuple[tuple[str, ...], Matrix]:
         """The factors among the nuisances, which come first, and what turns z of them into their logarithms, (n, n)."""
-        names = tuple(name for name in self.simulated if name in SCALES)
-        root = np.diag([SCALES[name][1] for name in names])
+        names = tuple(name for name in self.simulated if number_of(name) in SCALES)
+        root = np.diag([SCALES[number_of(name)][1] for name in names])
         if self.spread is not None:
             known = [name for name in names if name in self.spread.names]
             at = [names.index(name) for name in known]
@@ -253,7 +271,8 @@ class Nuisances:
         """
         known = {name: np.asarray(values) for name, values in self.loads.histories.items()}
         found = {name: values[np.minimum(np.arange(time.size), values.size - 1)] for name, values in known.items()}
-        for name, factor in self._scales(z).items():
+        of_structure = {name: factor for name, factor in self._factors(z).items() if name in found}
+        for name, factor in [*of_structure.items(), *self._scales(z).items()]:
             found[name] = factor[:, None] * found[name]
         for name in self.unknown:
             at = self.simulated.index(f"{name}[1]")
@@ -311,7 +330,11 @@ class Nuisances:
         """Say what some nuisances are."""
         values = self.values(z, np.zeros(z.size))
         split = [(name, *name.removesuffix("]").partition("[")) for name in names]
-        return [WORDS[kind].format(at=at, value=values[name][0]) for name, kind, _, at in split if kind in WORDS]
+        return [
+            WORDS[kind].format(at=at, value=values[name][0]) + f" ({name})" * (bool(at) and number_of(name) in SCALES)
+            for name, kind, _, at in split
+            if kind in WORDS
+        ]
 
     def far(self, z: Vector) -> list[str]:
         """Say which nuisances are further off than expected."""
@@ -331,8 +354,26 @@ class Nuisances:
         return max(sizes)
 
 
-def possible(parameters: Mapping[str, float], loads: Loads) -> tuple[str, ...]:
-    """Return those of ``NAMES`` that have something to act on."""
+def number_of(name: str) -> str:
+    """Return what of ``SCALES`` a nuisance is, also if it is that of one region or support alone, like ``modulus[2]``."""
+    kind, _, place = name.partition("[")
+    return kind if not place or place[:-1].isdigit() else name
+
+
+def possible(parameters: Mapping[str, float], loads: Loads, spread: Spread | None = None) -> tuple[str, ...]:
+    """Return those of ``NAMES`` that have something to act on, in parts where they are known in parts.
+
+    ``parameters`` has inputs too.
+    """
+    found = []
+    for name in _possible(parameters, loads):
+        names = () if spread is None else spread.names
+        parts = [each for each in names if each != name and number_of(each) == name]
+        found += parts or [name]
+    return tuple(found)
+
+
+def _possible(parameters: Mapping[str, float], loads: Loads) -> tuple[str, ...]:
     given = any(np.ptp(values) > 0.0 for values in loads.histories.values())
     return tuple(name for name in NAMES if _acts(name, parameters) or (name == "amplitude" and given))
 
@@ -341,19 +382,21 @@ def _acts(kind: str, parameters: Mapping[str, float]) -> bool:
     """Tell whether a nuisance acts on some parameter, or on the sensors."""
     if kind in OF_BUILT_IN and not parameters.get("pressure_amplitude", 0.0) > 0.0:
         return False
-    return kind not in SCALES or any(parameters[name] > 0.0 for name in scaled_by(kind, parameters))
+    return number_of(kind) not in SCALES or any(parameters[name] > 0.0 for name in scaled_by(kind, parameters))
 
 
 def scaled_by(kind: str, parameters: Mapping[str, float]) -> list[str]:
-    """Return the parameters that a factor multiplies, of all regions, or the one that is a factor itself."""
-    array = SCALES[kind][0]
+    """Return the parameters that a factor multiplies, of all regions or of one, or the one that is a factor itself."""
+    array, place = SCALES[number_of(kind)][0], kind.partition("[")[2]
+    if place:
+        return [name for name in parameters if name == f"{array}[{place}"]
     return [name for name in parameters if name.partition("[")[0] in (array, f"{array}_factor")]
 
 
 def check_names(kinds: Sequence[str], inputs: Collection[str] = ()) -> None:
     """Raise ``ParameterError`` unless each kind is one of ``NAMES``, or an input, and stands once."""
     for kind in kinds:
-        if kind not in (*NAMES, *inputs):
+        if number_of(kind) not in NAMES and kind not in inputs:
             loads = f", and the loads {', '.join(list(inputs)[:8])}" if inputs else ""
             msg = f"there is no nuisance {kind!r}. Choose from {', '.join(NAMES)}{loads}."
             raise ParameterError(msg)

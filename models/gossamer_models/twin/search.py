@@ -318,14 +318,15 @@ def misfit(problem: RecordProblem, point: Point) -> float:
 
 def box(problem: RecordProblem, at: Vector) -> Box:
     """Return the bounds of moves from a point, shape (n,)."""
-    return Box(zones=np.arange(problem.size) < problem.zones, low=problem.low - at, high=problem.high - at)
+    zones = np.arange(problem.size) < problem.zones
+    return Box(zones=zones, low=problem.low - at, high=problem.high - at, odds=problem.odds)
 
 
 def _others(problem: RecordProblem) -> list[Vector]:
     """Return unknowns to start from after none: those of one zone and random ones, best first."""
     zones = problem.zones
     random = np.random.default_rng(zones)
-    few = random.random((32, zones)) < 0.2
+    few = (random.random((32, zones)) < 0.2) & (np.arange(zones) < problem.whole)  # no two faults: they slacken a film
     many = np.vstack([0.4 * np.eye(zones), 0.6 * few * random.random((32, zones))])
     points = problem.points(np.array([_unknowns(problem, damage) for damage in many]))
     return [point.x for point in sorted(points, key=lambda point: point.chi2)]
@@ -422,7 +423,7 @@ def _common_as_modulus(problem: RecordProblem, x: Vector) -> Vector:
 
     Damage and modulus enter as E (1 - d) alone, so that what half of the zones have in common may be the modulus.
     """
-    zones = problem.zones
+    zones = problem.whole
     found, common = x.copy(), float(np.median(x[:zones]))
     found[:zones] = 1.0 - (1.0 - x[:zones]) / (1.0 - common)
     found[problem.modulus] += math.log(1.0 - common) / FACTORS[MODULUS][1]

@@ -179,9 +179,11 @@ class Parted:
         Units are the damage of each zone, the largest pressure, and the size.
         """
         n, h, s = problem.record.samples, problem.record.step, problem.model.sensors
-        damage, z, time = problem.damage(x[None])[0], problem.z(x[None]), h * np.arange(1.0, n + 1.0)
-        load = {name: each.reshape(-1, n)[0] for name, each in problem.nuisances.histories(z, time).items()}
-        given = {name: float(value[0]) for name, value in problem.nuisances.moved(z).items()}
+        z, time = problem.z(x[None]), h * np.arange(1.0, n + 1.0)
+        moved, acting = problem.nuisances.moved(z), problem.nuisances.histories(z, time)
+        (damage,), moved, acting, _ = self._own.acted(problem.damage(x[None]), moved, acting)
+        load = {name: each.reshape(-1, n)[0] for name, each in acting.items()}
+        given = {name: float(value[0]) for name, value in moved.items()}
         parts = np.clip(np.repeat(damage, PARTS), STEP, MOST_DAMAGE - STEP)
         ways, pressed = np.kron(np.eye(len(damage)), WAYS), self._pressed(given, load, time)
         rows = np.vstack([parts, parts + STEP * ways, np.repeat(parts[None], len(pressed), axis=0)])

@@ -18,17 +18,31 @@ from threadpoolctl import threadpool_limits
 
 from ..arrays import Matrix, Vector
 from ..errors import DataError, ParameterError, require
-from ..membrane import Structure, square_structure
+from ..membrane import Fault, Structure, square_structure
+from ..membrane.setup import SCALABLE
 from ..sensor import SensorArtifact
 from .answer import Answer, answer_of, untold_zones
-from .calibration import Calibration
+from .calibration import Calibration, with_factors
 from .colour import in_colour, of_noise
 from .correction import corrected
 from .discrepancy import Discrepancy, default_discrepancy, is_learned, is_load_learned
-from .forward import Forward, MembraneForward, forward_of
-from .groups import alike, untold, without_nuisances
+from .faults import with_faults
+from .forward import Forward, MembraneForward, faults_of, forward_of
+from .groups import groups_of, untold, without_nuisances
 from .mesh_error import MeshError, MeshErrors
-from .nuisances import BY_DEFAULT, FACTORS, NAMES, OF_MOTION, OF_SENSOR, SENSOR, Loads, Nuisances, check_names, possible
+from .nuisances import (
+    BY_DEFAULT,
+    FACTORS,
+    NAMES,
+    OF_MOTION,
+    OF_SENSOR,
+    SENSOR,
+    Loads,
+    Nuisances,
+    check_names,
+    number_of,
+    possible,
+)
 from .problem import RecordProblem
 from .reasons import likely_reason
 from .record import (
@@ -132,11 +146,13 @@ class Twin:
     calibration : Calibration or None
         What healthy records have told of the structure: values of its parameters, unless they are given, and how well they
         are known.
+    faults : sequence of Fault or "known"
+        What else may explain a record; known: all of ``known_faults``.
 
     Raises
     ------
     ParameterError
-        There is no such nuisance or parameter.
+        There is no such nuisance, parameter or fault.
 
     Notes
     -----
@@ -159,6 +175,7 @@ class Twin:
         healthy: ResponseRecord | None = None,
         whole: bool = False,
         calibration: Calibration | None = None,
+        faults: Sequence[Fault] | Literal["known"] = (),
     ) -> None:
         self.nuisances, self.sparse, self._mesh_error, self._whole = tuple(nuisances), sparse, mesh_error, whole
         self.known, self._healthy = tuple(known), None if healthy is None else without_still(healthy)
@@ -167,8 +184,12 @@ class Twin:
             structure, parameters = calibration.applied(structure, parameters)
             self._spread = calibration.spread
         self._forward = forward_of(structure, parameters)
+        if faults:
+            self._forward = with_faults(self._forward, faults)
+        self.faults = faults_of(self._forward)
         self._sensed = SensedForward(self._forward, sensor, sensor_parameters)
         self.parameters = self._forward.parameters
+        self.numbers = {**self._forward.parameters, **self._forward.inputs}
         check_names(self.nuisances, self._forward.inputs)
         check_names(self.known)
         self.discrepancy = default_discrepancy() if discrepancy == "learned" else discrepancy
@@ -185,12 +206,12 @@ class Twin:
     @property
     def zones(self) -> int:
         """Number of zones."""
-        return len(self._forward.zones)
+        return len(self.names)
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the zones."""
-        return self._forward.zones
+        return self._forward.zones[: len(self._forward.zones) - len(self.faults)]
 
     @property
     def sensors(self) -> int:
@@ -199,7 +220,7 @@ class Twin:
 
     def has(self, name: str) -> bool:
         """Tell whether the membrane has something that a nuisance acts on."""
-        return name in possible(self._forward.parameters, Loads())
+        return name in possible(self.numbers, Loads())
 
     def least_squares(self, record: ResponseRecord, report: Progress = lambda *_: None) -> RecordProblem:
         """Return the least squares of a record, of as much of it as is compared, see ``fit``."""
@@ -276,8 +297,8 @@ class Twin:
     def _looked(self, record: ResponseRecord, fit: Fit, report: Progress) -> tuple[Fit, list[str], tuple[int, ...]]:
         """Return a fit after a second look, with sentences on it, and the zones, from 1, that the record cannot tell."""
         unresolved = untold_zones(fit)
-        groups = alike(without_nuisances(fit.model.A, self.zones))
-        if fit.passes and groups.max() + 1 < self.zones:  # those that the record cannot tell apart have one damage
+        groups = groups_of(fit.model.A, fit.problem.zones, fit.problem.whole)
+        if fit.passes and groups.max() + 1 < fit.problem.zones:  # those that the record cannot tell apart have one damage
             whole = self._problem(record, report, groups, noise=fit.problem.noise)
             together = in_groups(fit, whole.like(fit.problem), sparse=self.sparse)
             finer = None if fit.problem.added is None else self._finer(record, whole.components)
@@ -313,7 +334,7 @@ class Twin:
         (point,) = problem.points(np.zeros((1, problem.size)))
         free = np.ones(problem.size, dtype=bool)
         A = problem.about(point, free, problem.derivatives(point, free)).A
-        return untold(without_nuisances(A, self.zones), self._forward.zones)
+        return untold(without_nuisances(A, problem.zones)[: problem.whole, : problem.whole], self.names)
 
     def _usable(self, record: ResponseRecord) -> tuple[ResponseRecord, list[str]]:
         """Return a record without dead sensors, and what is missing in it."""
@@ -340,7 +361,7 @@ class Twin:
 
     def _undamaged(self, record: ResponseRecord) -> Matrix:
         """Return what the sensors read of the undamaged model under the loads of a record, shape (sensors, n)."""
-        nothing, static = np.zeros((1, self.zones)), isinstance(record, StaticRecord)
+        nothing, static = np.zeros((1, len(self._forward.zones))), isinstance(record, StaticRecord)
         unknowns = DamageUnknowns(self._forward, self._nuisances((), record))
         strain = unknowns.histories(nothing, record.states, 0.0 if static else record.step)
         strain = strain[:, :, record.state] if isinstance(record, StaticRecord) else strain
@@ -380,14 +401,14 @@ class Twin:
 
     def _kinds(self, record: ResponseRecord, *, wider: bool = False) -> tuple[str, ...]:
         """Return the nuisances that are fitted; wider: all that act on the record."""
-        given = possible(self._forward.parameters, Loads(record.start, record.inputs))
+        given = possible(self.numbers, Loads(record.start, record.inputs), self._spread)
         left_out = {*(OF_MOTION if isinstance(record, StaticRecord) else ())}
         left_out |= {*OF_SENSOR} if self._may_be_off(record) else {SENSOR}
         if not wider:
-            calibrated = () if self._spread is None else self._spread.names
+            calibrated = () if self._spread is None else map(number_of, self._spread.names)
             left_out |= {*self.known} | ({*NAMES} - {*BY_DEFAULT, *calibrated})
             left_out |= {*FACTORS} if {*self.nuisances} & {*self._forward.inputs} else set()  # any load explains any of them
-        return tuple(dict.fromkeys((*self.nuisances, *(name for name in given if name not in left_out))))
+        return tuple(dict.fromkeys((*self.nuisances, *(name for name in given if number_of(name) not in left_out))))
 
     def _weighed(self, record: ResponseRecord, noise: Vector, fit: Fit) -> Fit:
         """Fit a record with another noise, from where a fit has ended."""
@@ -499,7 +520,8 @@ class Twin:
         left = None if error is None or error.healthy else error.of_finer
         if self._mesh_error is None or left is None or left.buries:  # no answer would be valid
             return None
-        return self._mesh_error.finer, left.components
+        assert self._finer_mesh is not None
+        return self._finer_mesh, left.components
 
     @cached_property
     def _finer_square(self) -> Forward | None:
@@ -507,7 +529,15 @@ class Twin:
         if self.discrepancy is None or not self._learned:
             return None
         square = square_structure(self.discrepancy.elements_per_side, 2 * self.discrepancy.order)
-        return MembraneForward(square, {**self._forward.parameters, **self._forward.inputs})
+        return MembraneForward(square, {**self._forward.parameters, **self._forward.inputs}, faults=self.faults)
+
+    @cached_property
+    def _finer_mesh(self) -> Forward | None:
+        """The membrane on the finer mesh of the error of its own, with its faults."""
+        if self._mesh_error is None or not self.faults:
+            return None if self._mesh_error is None else self._mesh_error.finer
+        structure = with_factors(self._mesh_error.finer.structure, SCALABLE)
+        return MembraneForward(structure, {**self._forward.parameters, **self._forward.inputs}, faults=self.faults)
 
     @cached_property
     def _learned(self) -> bool:

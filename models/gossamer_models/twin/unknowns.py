@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Matrix, Vector
-from .forward import LANES, WORKERS, Forward
+from .forward import LANES, WORKERS, Forward, faults_of
 from .least_squares import DAMAGE_STEP, MOST_DAMAGE, neighbours, require_finite
 from .nuisances import BEYOND, Nuisances
+from .zone_sets import EVEN, ODDS
 
 NUISANCE_STEP = 1e-4  # in units of the prior's deviation
 Report: TypeAlias = Callable[[int, int], None]  # how many simulations of how many
@@ -36,8 +37,10 @@ class DamageUnknowns:
 
     Attributes
     ----------
-    zones : int
-        Damages among the unknowns.
+    zones, whole : int
+        Damages among the unknowns, with shares of faults at their end, and without these.
+    odds : ndarray, shape (size,)
+        How likely a damage or fault is beforehand [1].
     size : int
         Number of unknowns.
     """
@@ -46,12 +49,18 @@ class DamageUnknowns:
         self.model, self.nuisances = forward, nuisances
         self.groups = np.arange(len(forward.zones)) if groups is None else groups
         self.zones = int(self.groups.max()) + 1
-        ones = np.ones(len(nuisances.names))
+        ones, faults = np.ones(len(nuisances.names)), faults_of(forward)
         self.size = self.zones + ones.size
         self.simulated = self.zones + len(nuisances.simulated)
         self.prior = np.r_[np.zeros(self.zones), ones]
         self.low = np.r_[np.zeros(self.zones), -BEYOND * ones]
         self.high = np.r_[np.full(self.zones, MOST_DAMAGE), BEYOND * ones]
+        self.odds = np.full(self.size, ODDS)
+        self.whole = self.zones - len(faults)
+        at_faults = slice(self.whole, self.zones)
+        self.prior[at_faults] = EVEN**-2  # a record at rest tells nothing of masses
+        self.high[at_faults] = [fault.most for fault in faults]
+        self.odds[at_faults] = [fault.probability for fault in faults]
         self.steps = np.r_[np.full(self.zones, DAMAGE_STEP), NUISANCE_STEP * ones]
 
     def z(self, x: Matrix) -> Matrix:

@@ -135,7 +135,8 @@ class Watch:
         self._last = np.zeros((sensors, 0))  # readings as they came
         spread = None if calibration is None else calibration.spread
         factors = {*FACTORS, *(() if spread is None else spread.names)}
-        kinds = tuple(kind for kind in possible(forward.parameters, Loads()) if kind in factors)
+        numbers = {**forward.parameters, **forward.inputs}
+        kinds = tuple(kind for kind in possible(numbers, Loads(), spread) if kind in factors)
         self._nuisances = Nuisances(kinds, forward.parameters, forward.inputs, sensors, spread=spread)
         self._loads, self._z = tuple[str, ...](), np.zeros(0)
         self._evidence: Evidence | None = None

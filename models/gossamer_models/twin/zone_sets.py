@@ -32,11 +32,14 @@ class Box:
         Which unknowns are damages.
     low, high : ndarray, shape (n,)
         Bounds of the moves.
+    odds : float or ndarray, shape (n,)
+        How likely each damage is beforehand [1].
     """
 
     zones: Rows
     low: Vector
     high: Vector
+    odds: float | Vector = ODDS
 
 
 def smallest(model: Quadratic, box: Box, kept: Rows) -> tuple[float, Vector]:
@@ -137,7 +140,8 @@ def price(model: Quadratic, box: Box, kept: Rows) -> float:
     """
     zones = kept & box.zones
     S = model.A[np.ix_(kept, kept)] + np.diag(zones[kept] * EVEN**-2)
-    return float(np.linalg.slogdet(S)[1] + 2.0 * np.log(EVEN / ODDS) * np.count_nonzero(zones))
+    odds = np.broadcast_to(box.odds, zones.shape)[zones]
+    return float(np.linalg.slogdet(S)[1] + 2.0 * np.log(EVEN / odds).sum())
 
 
 def alternatives(model: Quadratic, box: Box, kept: Rows, known: Sequence[tuple[Rows, float, Vector]] = ()) -> Alternatives:
