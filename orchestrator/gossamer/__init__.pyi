@@ -31,6 +31,8 @@ from .fmus import FmuInfo as FmuInfo
 from .fmus import Fmus as Fmus
 from .fmus import build as build
 from .fmus import info as info
+from .inspections import Inspections as Inspections
+from .inspections import inspect as inspect
 from .placement import SensorPlacement as SensorPlacement
 from .placement import place_sensors as place_sensors
 from .runs import Run as Run

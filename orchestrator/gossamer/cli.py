@@ -34,7 +34,7 @@ OURS = ("gossamer_models", "gossamer_fmus", "gossamer_orchestrator", "gossamer")
 MORE = "Every command has its own help: gossamer run --help"
 ORDER = (  # of the commands in the help: that of work
     *("new", "build", "validate", "run", "export-ssp", "container", "sweep", "demo"),
-    *("report", "view", "plot", "export-vtk", "verify", "info", "train", "calibrate", "twin", "watch"),
+    *("report", "view", "plot", "export-vtk", "verify", "info", "train", "calibrate", "twin", "inspect", "watch"),
     *("campaign", "assess", "assess-detector", "place-sensors", "identify"),
 )
 NOTHING = inspect.Parameter.empty

@@ -12,7 +12,7 @@ from gossamer_orchestrator.errors import require
 
 from .arguments import AnyPath, File, Files, NamesWithCommas, command, names_of, several
 from .options import TwinOptions
-from .records import beside, file_of, find_record, find_records, name_of
+from .records import KnownRecord, beside, file_of, find_record, find_records, name_of
 from .results import INVALID, Saved, as_png, typed, zone_coordinates
 from .working import json_file, keep_inputs, progress_bar, save_page, say, stderr
 
@@ -111,10 +111,10 @@ class TwinAnswer(Saved):
         return as_png(answer_chart(self.answer)) if self.shown else None
 
     def tables(self) -> list[TableText]:
-        """Return a row per zone."""
-        from .pages.twin import zone_cells
+        """Return a row per zone, and for each fault and explanation if faults were weighed."""
+        from .pages.twin import explanation_cells, zone_cells
 
-        return [zone_cells(self.answer, shown=self.shown)]
+        return [zone_cells(self.answer, shown=self.shown), *explanation_cells(self.answer, shown=self.shown)]
 
     def to_json(self) -> dict[str, Any]:
         """Return the answer."""
@@ -135,6 +135,7 @@ def twin(
     stop: float | None = None,
     sparse: bool = True,
     mesh_error: bool | None = None,
+    faults: bool | None = None,
     healthy: AnyPath | None = None,
     show_invalid: bool = False,
     out: File | None = None,
@@ -172,6 +173,9 @@ def twin(
     mesh_error
         Allow for what finer meshes change, from simulations that take minutes once; by default of a table with a setup, not
         of results of a run, whose mesh is that of the twin.
+    faults
+        Weigh what else may have gone wrong as an explanation beside damage: loss of gas, tension or prestress, a loose
+        support or sensor, mass, and the [[faults]] of the setup; by default of a structure that was calibrated.
     healthy
         Record of the same structure without damage, under the same loads: what it has beside the simulation is taken from
         the other, and of the error of the mesh what damage changes is left.
@@ -242,6 +246,7 @@ def twin(
             known=exact,
             sparse=sparse,
             whole=stop is not None,
+            faults="known" if _weighs_faults(found, before, faults) else (),
         )
         bar.update(text="what the sensors tell apart,")
 
@@ -260,6 +265,13 @@ def twin(
     names = [name_of(source) for source in sources]
     pages = save_page(lambda: twin_page(names, answer, compared, shown=shown), path.with_suffix(""))
     return TwinAnswer(files=[path, *pages], answer=answer, compared=compared, shown=shown)
+
+
+def _weighs_faults(found: KnownRecord, healthy: ResponseRecord | None, asked: bool | None) -> bool:
+    """Tell whether faults are weighed beside damage."""
+    if asked is not None:
+        return asked
+    return healthy is None and found.calibration is not None
 
 
 def _compared(path: Path, given: ResponseRecord, used: ResponseRecord, stop: float | None) -> str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from gossamer_files.options import option
 from gossamer_orchestrator.errors import ResultsError, ScenarioError
-from gossamer_orchestrator.scenario.source import find_scenario, shipped_scenarios, write_new
+from gossamer_orchestrator.scenario.source import INSPECTION, find_scenario, shipped_scenarios, write_new
 
 from .arguments import AnyPath, File, FmiVersion, Folder, Form, command
 from .working import keep_inputs, kinds_of, say
@@ -28,8 +28,9 @@ STORES = (".json", ".zarr")  # have their page in a folder of their name
 def new(name: AnyPath) -> Path:
     """Write a scenario of your own, with a comment on every table and key.
 
-    It runs as it is: a membrane that loses stiffness, noisy sensors that lose samples, estimators and the detector. A file
-    that is there is not overwritten.
+    It runs as it is: a membrane that loses stiffness, noisy sensors that lose samples, estimators and the detector. By the
+    name inspection it is a file for gossamer inspect: a dish, its healthy records and three inspections. A file that is
+    there is not overwritten.
 
     Parameters
     ----------
@@ -54,7 +55,12 @@ def new(name: AnyPath) -> Path:
         msg = f"{path.stem!r} is no name of a scenario. Begin with a letter, and take letters, digits, _ and -."
         raise ScenarioError(msg)
     write_new(path)
-    say(f"Build the FMUs with 'gossamer build', then run it with 'gossamer run {path}'.")
+    inspection = path.stem == INSPECTION.stem
+    say(
+        f"Run it with 'gossamer inspect {path}'."
+        if inspection
+        else f"Build the FMUs with 'gossamer build', then run it with 'gossamer run {path}'."
+    )
     return path
 
 

@@ -32,6 +32,7 @@ RUN_BY = {
     "export-vtk": "tests/orchestrator/results/test_surface.py",
     "identify": TUTORIALS,
     "info": TUTORIALS,
+    "inspect": f"{CLI}/test_inspect_command.py",
     "new": "tests/orchestrator/scenario/test_new_scenario.py",
     "place-sensors": f"{CLI}/test_place_sensors_command.py",
     "plot": "tests/orchestrator/results/test_surface.py",

@@ -38,6 +38,7 @@ def twin_page(names: Sequence[str], answer: Answer, compared: str, *, shown: boo
         if z == min(together):  # once for all that are answered together
             which = f"zone{'s' * (len(together) > 1)} {' and '.join(labels[k] for k in together)}"
             parts.append(f"{which} by {_damage_text(answer, z)} %")
+    parts += [f"{each.name} by {100.0 * each.share:.3g} %" for each in answer.faults if each.share > 0.0]
     kind: Kind = "invalid" if not answer.valid else "damage" if parts else "healthy"
     record = answer.record
     static = isinstance(record, StaticRecord)
@@ -114,6 +115,23 @@ def zone_cells(answer: Answer, *, shown: bool) -> TableText:
         for label, cells, remark in zip(labels.values(), said, remarks, strict=True)
     ]
     return TableText((*head, *["remark"] * any(remarks)), rows, "Digital twin")
+
+
+def explanation_cells(answer: Answer, *, shown: bool) -> list[TableText]:
+    """Return what explains the records with its probability, and the faults, where these were weighed and are shown."""
+    if not (answer.faults and shown):
+        return []
+    explained = [
+        (f"{probability:.3f}", " and ".join(what) or "nothing is wrong") for probability, what in answer.explanations
+    ]
+    faults = [
+        (fault.name, uncertain(100.0 * fault.share, 100.0 * fault.deviation, "%"), f"{fault.probability:.3f}")
+        for fault in answer.faults
+    ]
+    return [
+        TableText(("probability", "explanation"), explained, "Explanations"),
+        TableText(("fault", "by", "P(fault)"), faults, "Beside damage"),
+    ]
 
 
 def nuisance_cells(answer: Answer) -> list[tuple[str, str]]:
@@ -200,7 +218,13 @@ def _facts(answer: Answer, *, shown: bool) -> list[str | TableText]:
     ]
     head = ("record", "chi2 per sample", "bound", "of this record alone")
     records = [table(head, each, "Records")] * bool(each)
-    return [zone_cells(answer, shown=shown), beside, *records, table((), rows, "The fit")]
+    return [
+        zone_cells(answer, shown=shown),
+        *explanation_cells(answer, shown=shown),
+        beside,
+        *records,
+        table((), rows, "The fit"),
+    ]
 
 
 def _own_of(record: Answer, answer: Answer) -> str:

@@ -186,6 +186,7 @@ def _short(value: Any) -> str:  # noqa: ANN401
 
 Kind = Literal["scenario", "campaign", "membrane"]
 NEW = Path(__file__).with_name("new.toml")
+INSPECTION = Path(__file__).with_name("inspection.toml")
 _PACKAGE = Path(__file__).resolve().parent.parent
 
 
@@ -217,14 +218,15 @@ def find_scenario(text: str, kind: Kind = "scenario") -> Path:
 
 
 def write_new(path: Path) -> Path:
-    """Write a scenario with a comment on every table and key, and return its path.
+    """Write a scenario with a comment on every table and key, and return its path; of the name inspection, inspections.
 
     Raises
     ------
     ScenarioError
         There is such a file already, or it cannot be written.
     """
-    text = NEW.read_text(encoding="utf-8").replace("{name}", path.stem).replace("{file}", str(path))
+    template = INSPECTION if path.stem == INSPECTION.stem else NEW
+    text = template.read_text(encoding="utf-8").replace("{name}", path.stem).replace("{file}", str(path))
     try:
         with writing(path, ScenarioError, "Name a file in another folder."), path.open("x", encoding="utf-8") as file:
             file.write(text)
