@@ -299,7 +299,8 @@ class ZonesFound:
             if self.likely.weight[k] < EXPLAINS:
                 return
             x, kept = fit.point.x + self.likely.move[k], np.flatnonzero(self.likely.kept[k][: problem.zones])
-            yield float(self.likely.weight[k]), tuple(f"{called[at]} {100.0 * x[at]:.3g} %" for at in kept)
+            more = [" more" * (problem.before is not None and at < problem.whole) for at in range(problem.zones)]
+            yield float(self.likely.weight[k]), tuple(f"{called[at]} {100.0 * x[at]:.3g} %{more[at]}" for at in kept)
 
 
 def of_record(problem: RecordProblem, point: Point, deviation: Vector) -> tuple[dict[str, Any], list[str], bool]:

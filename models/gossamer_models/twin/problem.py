@@ -217,6 +217,8 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         seen = sizes > 0  # the noise of sensors that are left out is no number
         return self._weights.log_determinant + 2.0 * float(sizes[seen] @ np.log(self.noise[seen]))
 
+    before = None  # damages of a last inspection: those of ``JointProblem`` alone
+
     @property
     def parts(self) -> tuple[tuple[RecordProblem, slice, str], ...]:
         """The problem itself with all values and nothing to call it by, as in ``JointProblem``."""
