@@ -11,6 +11,7 @@ from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gossamer_files.options import option
 from gossamer_orchestrator.errors import require
 from gossamer_orchestrator.words import counted
 
@@ -196,7 +197,7 @@ class Inspections(Saved):
 
 
 @command
-def inspect(what: AnyPath, *, out: File | None = None) -> Inspections:
+def inspect(what: AnyPath, *, setup: File | None = None, out: File | None = None) -> Inspections:
     """Answer the inspections of a structure one after the other, and tell how damage grows.
 
     A TOML file names the setup, healthy records to calibrate on, and for each inspection its date and records
@@ -207,6 +208,8 @@ def inspect(what: AnyPath, *, out: File | None = None) -> Inspections:
     ----------
     what
         TOML file, or folder of answers.
+    setup
+        Of a folder of answers: the setup of their structure, which the page then draws.
     out
         Folder to write; out/NAME by default, or the folder of answers.
 
@@ -224,11 +227,14 @@ def inspect(what: AnyPath, *, out: File | None = None) -> Inspections:
         gossamer new inspection && gossamer inspect inspection.toml
     """
     from gossamer_files import write_text
+    from gossamer_models.membrane import square_structure
     from gossamer_models.twin import History
 
+    from .descriptions import load_structure
     from .pages.history import history_page
 
     source = Path(what)
+    structure = None if setup is None else load_structure(setup)
     if source.is_dir():
         folder, title = source if out is None else Path(out), source.resolve().name
         history = History.read(source)
@@ -236,10 +242,13 @@ def inspect(what: AnyPath, *, out: File | None = None) -> Inspections:
         plan, _ = load_plan(source)
         folder, title = Path("out") / source.stem if out is None else Path(out), plan.title or source.stem
         keep_inputs([source], [folder / CSV_FILE])
-        history = _answered(plan, source.parent, folder)
+        msg = f"{source.name} names its setup itself. Leave {option('setup')} out."
+        require(structure is None, msg)
+        structure = load_structure(plan.setup) if plan.setup else square_structure()
+        history = _answered(plan, structure, source.parent, folder)
     folder.mkdir(parents=True, exist_ok=True)
     write_text(folder / CSV_FILE, _csv(history))
-    pages = save_page(lambda: history_page(title, history), folder)
+    pages = save_page(lambda: history_page(title, history, structure), folder)
     return Inspections(files=[folder / CSV_FILE, *pages], history=history)
 
 
@@ -272,16 +281,12 @@ def load_plan(path: Path) -> tuple[InspectionPlan, Any]:
     return plan, source
 
 
-def _answered(plan: InspectionPlan, beside: Path, folder: Path) -> History:
+def _answered(plan: InspectionPlan, structure: Structure, beside: Path, folder: Path) -> History:
     """Calibrate, answer every inspection, and write each answer as soon as it is there."""
     from gossamer_files import write_text
-    from gossamer_models.membrane import square_structure
     from gossamer_models.twin import Earlier, History, MeshErrors, Twin, calibrate
     from gossamer_models.twin import inspect as inspect_records
 
-    from .descriptions import load_structure
-
-    structure = load_structure(plan.setup) if plan.setup else square_structure()
     names = structure.zone_names
     for each in plan.inspections:
         for name in (*each.repaired, *(name for record in each.simulated for name in record.damage)):

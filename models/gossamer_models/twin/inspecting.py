@@ -235,10 +235,11 @@ def _answer(twin: Twin, fit: Fit, alone: Sequence[Alone], earlier: Earlier | Non
         fields |= {f"growth_{name}" if name != "damage" else "growth": value for name, value in grown.items()}
         at = joint.maps[0][1][:z]  # from all unknowns to the damages
         covariance = at @ found.covariance @ at.T
-        fields["damage"] = np.maximum(joint.maps[0][0][:z] + at @ fit.point.x, 0.0)
         fields["covariance"], fields["deviation"] = covariance, np.sqrt(np.diag(covariance))
         stays = np.where(joint.before.damage[:z] > 0.0, earlier.probability, 0.0)
         fields["probability"] = 1.0 - (1.0 - stays) * (1.0 - grown["probability"])
+        now = np.maximum(joint.maps[0][0][:z] + at @ fit.point.x, 0.0)
+        fields["damage"] = np.where(fields["probability"] < 0.5, 0.0, now)  # as in zones that were dropped
     said, valid, records = healed, fit.passes and not healed, list[Answer]()
     common: dict[str, Any] = {"zones": names_of(fit), "unresolved": unresolved, "together_with": together_with(fit)}
     chi2 = joint.chi2_of_records(fit.point)

@@ -2,20 +2,32 @@
 
 from __future__ import annotations
 
+import io
+from dataclasses import fields
+from typing import Any
+
 import numpy as np
 from gossamer_files.charts import Chart, heat, points, section
 from gossamer_files.tables import TableText
+from gossamer_models.arrays import Matrix
+from gossamer_models.membrane import Structure
+from gossamer_models.membrane.shape import membrane_shape
 from gossamer_models.twin import History
+from gossamer_orchestrator.fmi.shape import Surface
 from gossamer_orchestrator.pages import Page, table
 from gossamer_orchestrator.pages.page import Kind
 from gossamer_orchestrator.results.dataset import zone_label
+from gossamer_orchestrator.results.report.membrane import surface_content
+from gossamer_orchestrator.results.report.page import ASSETS
+from gossamer_orchestrator.results.shapes import ShapeHistory
 from gossamer_orchestrator.words import between, uncertain
 
 COLOURS = 6
+LEAST = 0.5  # damage [%] of a zone that is outlined
 MONTHS = "months since the first inspection"
 
 
-def history_page(name: str, history: History) -> Page:
+def history_page(name: str, history: History, structure: Structure | None = None) -> Page:
     """Describe the inspections of a structure.
 
     Parameters
@@ -24,6 +36,8 @@ def history_page(name: str, history: History) -> Page:
         Of the structure.
     history : History
         What they have found.
+    structure : Structure or None
+        To draw in space, with a slider over the dates.
     """
     said = [f"{text[0].upper()}{text[1:]}." for text in history.sentences()]
     damaged = bool(np.nansum(history.damage[-1]) > 0.0) or bool(said)
@@ -48,16 +62,47 @@ def history_page(name: str, history: History) -> Page:
         ),
         _over_time("Sensors", "gain, or error [1]", months, dict(history.drift)),
     ]
+    in_space = _in_space(structure, history) if structure is not None else {}
+    note = "Drag to turn; squares are zones, dots sensors. The slider goes over the dates; what is withheld is grey."
+    text = "The structure in three dimensions with the damage of its zones; the tables hold the numbers."
+    if in_space:
+        charts.insert(0, Chart("The structure", note=note, text=text, tall=True, broad=True, script="addSurface"))
     return Page(
         title=f"Inspections of {name}",
         kind=kind,
         sentence=first,
         more=more,
         charts=[*section("Damage", charts), *section("Beside damage", [chart for chart in beside if chart.traces])],
+        content=in_space,
+        scripts=[ASSETS / "surface.js", ASSETS / "run.js"] if in_space else [],
+        controls=(ASSETS / "player.html").read_text(encoding="utf-8") if in_space else "",
         facts=[history_table(history), table(("date", "valid", "what was said"), rows, "Inspections")],
         how="Bars are one standard deviation wide to each side. Growth is the slope of a line through all values of a zone; "
         "its bound holds in 95 of 100 cases.",
     )
+
+
+def _in_space(structure: Structure, history: History) -> dict[str, Any]:
+    """Return what the page needs to draw a structure in space, coloured by damage, at every date."""
+    with np.load(io.BytesIO(membrane_shape(structure, structure.table))) as files:
+        arrays = {name: files[name] for name in files.files if name != "card"}
+        size = structure.mesh.size if arrays["size"] >= 0 else 1.0
+    of_surface = {field.name: arrays[field.name] for field in fields(Surface)}
+    of_surface |= {name: size * arrays[name] for name in ("nodes", "sensor_points")}
+    surface, dates = Surface(**of_surface), len(history.dates)
+    places, still = np.repeat(surface.nodes[None], dates, axis=0), np.zeros((dates, len(structure.setup.regions), 3))
+    damage, months = 100.0 * np.nan_to_num(history.damage), history.months
+    colour = {"name": "estimated damage", "of": "zone", "values": damage, "time": months, "valid": history.valid.tolist()}
+    colour |= {"least": LEAST, "ends": [0.0, max(1.0, float(damage.max()))], "unit": "%", "scale": "@damage"}
+    drawn = surface_content(ShapeHistory(surface, months, places, still), np.arange(dates))
+    labels = [zone_label(zone) for zone in history.zones]
+    return {
+        "start": 0.0,
+        "end": float(months[-1]),
+        "frames": months,
+        "instants": [str(day) for day in history.dates],
+        "surface": drawn | {"unit": "m", "marked": False, "names": labels, "colours": [colour]},
+    }
 
 
 def damage_over_time(history: History) -> Chart:
@@ -70,7 +115,7 @@ def damage_over_time(history: History) -> Chart:
     return _over_time("Damage", "damage [%]", months, pairs)
 
 
-def _over_time(title: str, y: str, months: np.ndarray, pairs: dict[str, np.ndarray]) -> Chart:
+def _over_time(title: str, y: str, months: Matrix, pairs: dict[str, Matrix]) -> Chart:
     """Draw values with their deviations, shape (d, 2), over time."""
     traces = [
         points(name, months, each[:, 0], f"@{k % COLOURS}", each[:, 1]) for k, (name, each) in enumerate(pairs.items())

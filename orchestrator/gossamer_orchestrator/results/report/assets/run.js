@@ -1,9 +1,9 @@
-// The slider that moves the pictures of a run.
+// The slider that moves the pictures of a run, or of inspections, whose `instants` are dates.
 function setInstant(instant) {
   const { frames } = page.content, slider = document.getElementById("instant");
   page.instant = Math.max(0, Math.min(frames.length - 1, instant));
   slider.value = `${page.instant}`;
-  const text = `${frames[page.instant].toFixed(4)} s`;
+  const text = page.content.instants ? page.content.instants[page.instant] : `${frames[page.instant].toFixed(4)} s`;
   slider.setAttribute("aria-valuetext", text);
   document.getElementById("clock").textContent = text;
   if (!page.waiting) page.waiting = requestAnimationFrame(() => {
