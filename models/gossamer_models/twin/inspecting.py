@@ -15,20 +15,21 @@ import numpy as np
 from gossamer_files.options import option
 from threadpoolctl import threadpool_limits
 
-from ..arrays import Matrix, Vector
+from ..arrays import Matrix, Rows, Vector
 from ..errors import ConvergenceError, DataError, require
 from .answer import Answer, ZonesFound, names_of, of_record, order_of, together_with, untold_zones
 from .correction import differentiated, moved
 from .forward import Forward
 from .groups import groups_of
 from .joint import Before, JointProblem
-from .least_squares import bounded_minimum
+from .least_squares import Quadratic, bounded_minimum
 from .nuisances import NUMBERS, number_of
 from .oddities import chi2_bound
 from .problem import RecordProblem
 from .record import ResponseRecord
-from .search import Begun, Fit, again, ended, in_groups, with_rivals
+from .search import Begun, Fit, again, box, ended, in_groups, with_rivals
 from .twin import Alone, Twin
+from .zone_sets import drop_zones
 
 HEALED = 4.0  # deviations by which a zone that a record finds less damaged than the last inspection is named
 OF_ALL = (*NUMBERS, "gain")  # nuisances that are the same in all records
@@ -166,11 +167,11 @@ def _together(twin: Twin, alone: Sequence[Alone], before: Before | None) -> Fit:
     there = dict.fromkeys(name for problem in problems for name in problem.nuisances.names)
     joint = JointProblem(problems, [name for name in there if number_of(name) in OF_ALL], before=before)
     whole = cast(RecordProblem, joint)  # it has all that a search needs of one
-    middle = _between(joint, [each.fit for each in alone])
-    starts = [Begun(middle)]
-    for kept in dict.fromkeys(each.fit.kept[: joint.zones].tobytes() for each in alone):
-        zones = np.frombuffer(kept, dtype=bool)
-        stays = np.r_[zones, np.ones(joint.size - joint.zones, dtype=bool)]
+    middle, kept = _between(whole, joint, [each.fit for each in alone])
+    sets = {kept[: joint.zones].tobytes(), *(each.fit.kept[: joint.zones].tobytes() for each in alone)}
+    starts = []
+    for each in sorted(sets):
+        stays = np.r_[np.frombuffer(each, dtype=bool), np.ones(joint.size - joint.zones, dtype=bool)]
         starts.append(Begun(np.where(stays, middle, 0.0), kept=stays))
     ends = [end for start in starts if (end := ended(whole, start, sparse=sparse, rivals=False)) is not None]
     if not ends:
@@ -189,15 +190,17 @@ def _together(twin: Twin, alone: Sequence[Alone], before: Before | None) -> Fit:
     return with_rivals(fit) if sparse and fit.passes else fit
 
 
-def _between(joint: JointProblem, fits: Sequence[Fit]) -> Vector:
-    """Return the unknowns at which the quadratic models of chi2 of all records by themselves are smallest together."""
+def _between(whole: RecordProblem, joint: JointProblem, fits: Sequence[Fit]) -> tuple[Vector, Rows]:
+    """Return where the quadratic models of chi2 of all records are smallest together, and which unknowns are kept there."""
     A, g = np.diag(np.maximum(joint.prior, UNSEEN)), np.zeros(joint.size)
     for (start, matrix), fit in zip(joint.maps, fits, strict=True):
         x, prior = fit.point.x, fit.problem.prior
         own = fit.model.A - np.diag(prior)
         g += matrix.T @ (fit.model.g + prior * x + own @ (x - start))
         A += matrix.T @ own @ matrix
-    return bounded_minimum(A, g, joint.low, joint.high)
+    x = bounded_minimum(A, g, joint.low, joint.high)
+    kept, move = drop_zones(Quadratic(A=A, g=g - A @ x, at=x), box(whole, x))
+    return np.where(kept, x + move, 0.0), kept
 
 
 def _in_groups(fit: Fit, *, sparse: bool) -> Fit:

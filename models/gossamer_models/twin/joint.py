@@ -152,9 +152,11 @@ class JointProblem(LeastSquares):
         for k, problem in enumerate(self.problems):
             matrix = self.maps[k][1][:, free]
             moving = np.asarray(matrix.any(axis=1))
-            mine = self.point(k, point.x)
-            both = [stepped.derivatives(mine, moving) for stepped in _both_ways(problem)]
-            found.append((both[0] + both[1]) / 2.0 @ matrix[moving])
+            mine, (forward, backward) = self.point(k, point.x), _both_ways(problem)
+            J, beside = forward.derivatives(mine, moving), moving & (np.arange(problem.size) >= problem.zones)
+            own = beside[moving]
+            J[:, own] = (J[:, own] + backward.derivatives(mine, beside)) / 2.0
+            found.append(J @ matrix[moving])
         return np.concatenate(found)
 
     def chi2_of_records(self, point: Point) -> list[float]:
@@ -183,8 +185,10 @@ class JointProblem(LeastSquares):
                 continue
             mine = self.point(k, x)
             of_record = np.flatnonzero(self.maps[k][1][: problem.simulated, moving].any(axis=1))
-            one, other = (stepped.corrected(mesh[0], mine, of_record, mesh[1]) for stepped in _both_ways(problem))
-            found.append(one.averaged(other))
+            forward, backward = _both_ways(problem)
+            beside = of_record[of_record >= problem.zones]
+            one = forward.corrected(mesh[0], mine, of_record, mesh[1])
+            found.append(one.averaged(backward.corrected(mesh[0], mine, beside, mesh[1])))
         if all(problem.added is None for problem in found):
             return None
         changed = copy(self)

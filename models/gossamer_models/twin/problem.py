@@ -144,10 +144,11 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         return self._with(added=added, components=self._of_record(components), _known={})
 
     def averaged(self, other: RecordProblem) -> RecordProblem:
-        """Return the problem with the mean of what a finer mesh adds in this one and in another about the same point."""
+        """Return the problem with the mean of what a finer mesh adds by the unknowns of another one about the same point."""
         if self.added is None or other.added is None:
             return self
-        slopes = (self.added.slopes + other.added.slopes) / 2.0
+        slopes, at = self.added.slopes.copy(), np.searchsorted(self.added.moving, other.added.moving)
+        slopes[at] = (slopes[at] + other.added.slopes) / 2.0
         return self._with(added=replace(self.added, slopes=slopes), _known={})
 
     def without_mesh_error(self) -> RecordProblem:
