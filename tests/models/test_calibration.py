@@ -193,3 +193,44 @@ def test_factors_that_are_known_together_move_together():
     assert np.cov(logs) == pytest.approx(covariance, abs=2e-3)
     (_, modulus), (_, density) = nuisances.values(np.zeros(2), np.ones(2)).values()
     assert (modulus, density) == pytest.approx((0.3, 0.2))
+
+
+TAUT = (2e4, 2e4, 0.0)
+
+
+def two_halves(right=1.0, stiffness=3e5):
+    """A round film of two materials whose rim is drawn by springs, over a gas whose amount may change."""
+    left, other = (
+        Region(group=group, youngs_modulus=factor * 1e7, poisson_ratio=0.3, density=1e3, thickness=1e-3, prestress=TAUT)
+        for group, factor in (("left", 1.0), ("right", right))
+    )
+    places = [(0.5 * np.cos(a), 0.5 * np.sin(a), 0.0) for a in (0.3, 1.7, 2.9, 3.9, 5.1)]
+    sensors = tuple(
+        Sensor(point=place, direction=direction) for place in places for direction in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    )
+    supports = (Support(group="rim", fixed="z"), Support(group="rim", fixed="xy", stiffness=stiffness))
+    setup = Setup(regions=(left, other), supports=supports, zones=(Zone(rings=1, sectors=(3,)),), sensors=sensors)
+    faces = {"left": lambda x, y, z: x < 0.0, "right": lambda x, y, z: x > 0.0}
+    return make_structure(setup, surface_mesh(meshed(disc(1.0), 4, points=RIM, faces=faces), 1))
+
+
+def test_modulus_by_region_and_the_stiffness_of_supports_are_calibrated():
+    true = MembraneForward(two_halves(right=1.08, stiffness=2e5))
+    pressures = {"pressure": np.array([300.0, 900.0])}
+    strain = true.states(np.zeros((1, 3)), {}, pressures)[0]
+    values = strain + 1e-5 * np.random.default_rng(0).standard_normal(strain.shape)
+    states = StaticRecord(step=1.0, values=values, noise=1e-5, inputs=pressures, names=("a", "b"), state=np.arange(2))
+    structure = two_halves()
+    found = calibrate(structure, [states], priors={"thickness": 0.0, "prestress": 0.0}, mesh_error=False)
+    assert found.valid
+    assert {"modulus[1]", "modulus[2]", "support"} <= {*found.names}
+    value, deviation = (dict(zip(found.names, each, strict=True)) for each in (found.factors, found.deviation))
+    ratio = np.array([-1.0, 1.0]) @ [[name == each for each in found.names] for name in ("modulus[1]", "modulus[2]")]
+    deviation_of_ratio = np.sqrt(ratio @ found.covariance @ ratio)
+    assert deviation_of_ratio < 0.04  # the prior's is 7 %
+    assert ratio @ np.log(found.factors) == pytest.approx(np.log(1.08), abs=3.0 * deviation_of_ratio)
+    assert value["support"] == pytest.approx(2.0 / 3.0, abs=3.5 * deviation["support"])
+    assert found.parameters["support_stiffness[1]"] == pytest.approx(3e5 * value["support"])
+    kinds = Twin(structure, calibration=found).least_squares(states).nuisances.names
+    assert {"modulus[1]", "modulus[2]", "support"} <= {*kinds}
+    assert "modulus" not in kinds
