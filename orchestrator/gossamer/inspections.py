@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from gossamer_files.tables import TableText
     from gossamer_models.membrane import Structure
-    from gossamer_models.twin import History, ResponseRecord
+    from gossamer_models.twin import InspectionHistory, ResponseRecord
 
 CALIBRATION, CSV_FILE = "calibration.json", "history.csv"
 
@@ -127,11 +127,11 @@ class Inspections(Saved):
     ----------
     files : list of Path
         CSV table of the history, its page if it could be written, and the answers.
-    history : gossamer_models.twin.History
+    history : gossamer_models.twin.InspectionHistory
         All inspections.
     """
 
-    history: History
+    history: InspectionHistory
 
     @property
     def data(self) -> xr.Dataset:
@@ -228,7 +228,7 @@ def inspect(what: AnyPath, *, setup: File | None = None, out: File | None = None
     """
     from gossamer_files import write_text
     from gossamer_models.membrane import square_structure
-    from gossamer_models.twin import History
+    from gossamer_models.twin import InspectionHistory
 
     from .descriptions import load_structure
     from .pages.history import history_page
@@ -237,7 +237,7 @@ def inspect(what: AnyPath, *, setup: File | None = None, out: File | None = None
     structure = None if setup is None else load_structure(setup)
     if source.is_dir():
         folder, title = source if out is None else Path(out), source.resolve().name
-        history = History.read(source)
+        history = InspectionHistory.read(source)
     else:
         plan, _ = load_plan(source)
         folder, title = Path("out") / source.stem if out is None else Path(out), plan.title or source.stem
@@ -281,10 +281,10 @@ def load_plan(path: Path) -> tuple[InspectionPlan, Any]:
     return plan, source
 
 
-def _answered(plan: InspectionPlan, structure: Structure, beside: Path, folder: Path) -> History:
+def _answered(plan: InspectionPlan, structure: Structure, beside: Path, folder: Path) -> InspectionHistory:
     """Calibrate, answer every inspection, and write each answer as soon as it is there."""
     from gossamer_files import write_text
-    from gossamer_models.twin import Earlier, History, MeshErrors, Twin, calibrate
+    from gossamer_models.twin import Earlier, InspectionHistory, MeshErrors, Twin, calibrate
     from gossamer_models.twin import inspect as inspect_records
 
     names = structure.zone_names
@@ -324,7 +324,7 @@ def _answered(plan: InspectionPlan, structure: Structure, beside: Path, folder: 
                 earlier = Earlier.of(answer)
             answers[date.fromisoformat(each.date)] = found = answer.as_json()
             write_text(folder / f"{each.date}.json", json.dumps(found, indent=1) + "\n")
-    return History.of(answers)
+    return InspectionHistory.of(answers)
 
 
 def _records(
@@ -362,7 +362,7 @@ def _simulated(plan: InspectionPlan, of: SimulatedRecord, structure: Structure) 
     return ResponseRecord(step=plan.step, values=strain + noise, noise=plan.noise)
 
 
-def _csv(history: History) -> str:
+def _csv(history: InspectionHistory) -> str:
     """Return a row for each date and zone."""
     text = io.StringIO()
     rows = csv.writer(text, lineterminator="\n")

@@ -5,7 +5,7 @@ from .calibrating import calibrate
 from .calibration import Calibration
 from .faults import known_faults
 from .forward import Forward, MembraneForward
-from .history import History
+from .history import InspectionHistory
 from .inspecting import Earlier, inspect
 from .mesh_error import MeshErrors
 from .nuisances import Loads, LoadTable, Nuisances
@@ -21,7 +21,7 @@ __all__ = [
     "DamageOnset",
     "Earlier",
     "Forward",
-    "History",
+    "InspectionHistory",
     "LoadTable",
     "Loads",
     "MembraneForward",

@@ -23,7 +23,7 @@ SURE = 3.0  # deviations from which on growth is told
 
 
 @dataclass(frozen=True, kw_only=True)
-class History:
+class InspectionHistory:
     """Inspections in the order of their dates.
 
     Attributes
@@ -58,7 +58,7 @@ class History:
     drift: Mapping[str, Matrix]
 
     @classmethod
-    def read(cls, folder: Path) -> History:
+    def read(cls, folder: Path) -> InspectionHistory:
         """Read the answers of twins whose file names begin with their dates, such as ``2027-01-15.json``.
 
         Raises
@@ -81,7 +81,7 @@ class History:
         return cls.of({day: _content(dated[day]) for day in sorted(dated)})
 
     @classmethod
-    def of(cls, answers: Mapping[date, Mapping[str, Any]]) -> History:
+    def of(cls, answers: Mapping[date, Mapping[str, Any]]) -> InspectionHistory:
         """Gather answers as they were written, by date.
 
         Raises

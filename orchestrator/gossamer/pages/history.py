@@ -12,7 +12,7 @@ from gossamer_files.tables import TableText
 from gossamer_models.arrays import Matrix
 from gossamer_models.membrane import Structure
 from gossamer_models.membrane.shape import membrane_shape
-from gossamer_models.twin import History
+from gossamer_models.twin import InspectionHistory
 from gossamer_orchestrator.fmi.shape import Surface
 from gossamer_orchestrator.pages import Page, table
 from gossamer_orchestrator.pages.page import Kind
@@ -27,14 +27,14 @@ LEAST = 0.5  # damage [%] of a zone that is outlined
 MONTHS = "months since the first inspection"
 
 
-def history_page(name: str, history: History, structure: Structure | None = None) -> Page:
+def history_page(name: str, history: InspectionHistory, structure: Structure | None = None) -> Page:
     """Describe the inspections of a structure.
 
     Parameters
     ----------
     name : str
         Of the structure.
-    history : History
+    history : InspectionHistory
         What they have found.
     structure : Structure or None
         To draw in space, with a slider over the dates.
@@ -82,7 +82,7 @@ def history_page(name: str, history: History, structure: Structure | None = None
     )
 
 
-def _in_space(structure: Structure, history: History) -> dict[str, Any]:
+def _in_space(structure: Structure, history: InspectionHistory) -> dict[str, Any]:
     """Return what the page needs to draw a structure in space, coloured by damage, at every date."""
     with np.load(io.BytesIO(membrane_shape(structure, structure.table))) as files:
         arrays = {name: files[name] for name in files.files if name != "card"}
@@ -105,7 +105,7 @@ def _in_space(structure: Structure, history: History) -> dict[str, Any]:
     }
 
 
-def damage_over_time(history: History) -> Chart:
+def damage_over_time(history: InspectionHistory) -> Chart:
     """Draw the damage of each zone that has been damaged."""
     months = np.round(history.months, 2)
     there = np.flatnonzero(np.nan_to_num(history.damage).max(axis=0) > 0.0)
@@ -123,7 +123,7 @@ def _over_time(title: str, y: str, months: Matrix, pairs: dict[str, Matrix]) -> 
     return Chart(title, MONTHS, y, traces)
 
 
-def history_table(history: History) -> TableText:
+def history_table(history: InspectionHistory) -> TableText:
     """Return for each zone that has been damaged its first and last damage, and its growth with a bound."""
     rows = []
     for z, (rate, sigma) in enumerate(history.growth):
@@ -137,7 +137,7 @@ def history_table(history: History) -> TableText:
     return TableText(head, rows, "Damage and growth")
 
 
-def _value(history: History, k: int, z: int) -> str:
+def _value(history: InspectionHistory, k: int, z: int) -> str:
     """Return the damage of a zone at a date [%]: a value, bounds, or that it was withheld."""
     if np.isfinite(history.damage[k, z]):
         return uncertain(100.0 * float(history.damage[k, z]), 100.0 * float(history.deviation[k, z]))
