@@ -291,8 +291,11 @@ class Twin:
         if not fit.passes:
             wider = self._problem(record, report, fit.problem.groups, wider=True, noise=fit.problem.noise)
             doubts[:0] = [reason] if (reason := likely_reason(fit, wider.like(fit.problem))) else []
+        return self._answer(fit, doubts, found.wiring, unresolved)
+
+    def _answer(self, fit: Fit, doubts: list[str], wiring: Wiring | None, unresolved: tuple[int, ...]) -> Answer:
         more, hidden = self.of_mesh(fit.problem)
-        return answer_of(fit, doubts, more, found.wiring, unresolved, sparse=self.sparse, hidden=hidden)
+        return answer_of(fit, doubts, more, wiring, unresolved, sparse=self.sparse, hidden=hidden)
 
     def _looked(self, record: ResponseRecord, fit: Fit, report: Progress) -> tuple[Fit, list[str], tuple[int, ...]]:
         """Return a fit after a second look, with sentences on it, and the zones, from 1, that the record cannot tell."""
