@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from gossamer_models.twin import InspectionHistory, ResponseRecord
 
 CALIBRATION, CSV_FILE = "calibration.json", "history.csv"
+SIMULATED = 1e-4  # noise of simulated records [1], unless it is stated
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,8 +102,8 @@ class InspectionPlan:
         One line.
     setup : str
         A setup, as of ``--setup``; empty for the square of the thesis.
-    noise : float
-        Standard deviation of a sample of strain [1].
+    noise : float or None
+        Standard deviation of a sample of strain [1]; None to estimate it, and 1e-4 in simulated records.
     step, stop : float
         Of simulated records [s].
     mesh_error : bool
@@ -113,7 +114,7 @@ class InspectionPlan:
     healthy: HealthyRecords | None = None
     title: str = ""
     setup: str = ""
-    noise: float = 1e-4
+    noise: float | None = None
     step: float = 3e-4
     stop: float = 0.3
     mesh_error: bool = True
@@ -238,6 +239,9 @@ def inspect(what: AnyPath, *, setup: File | None = None, out: File | None = None
     if source.is_dir():
         folder, title = source if out is None else Path(out), source.resolve().name
         history = InspectionHistory.read(source)
+        other = structure is not None and structure.zone_names != history.zones
+        advice = "Name the setup of their structure"
+        require(not other, f"the answers in {source} are of other zones than those of {setup}. {advice}.")
     else:
         plan, _ = load_plan(source)
         folder, title = Path("out") / source.stem if out is None else Path(out), plan.title or source.stem
@@ -278,6 +282,9 @@ def load_plan(path: Path) -> tuple[InspectionPlan, Any]:
         require(day not in seen, f"{path.name}: {each.date} stands twice. Give its records to one inspection.")
         require(each.records or each.simulated, f"{path.name}: the inspection of {each.date} has no records.")
         seen.add(day)
+    healthy = () if plan.healthy is None else plan.healthy.records
+    for name in (*healthy, *(name for each in plan.inspections for name in each.records)):
+        require((path.parent / name).exists(), f"{path.name} names a record that is not there: {path.parent / name}.")
     return plan, source
 
 
@@ -314,16 +321,17 @@ def _answered(plan: InspectionPlan, structure: Structure, beside: Path, folder: 
             applied = structure if calibration is None else calibration.applied(structure, None)[0]
             known["mesh_error"] = MeshErrors(applied, parameters)
         twin = Twin(structure, **known)
-        days = sorted(plan.inspections, key=lambda each: each.date)
-        for k, each in enumerate(days):
-            bar.update(k, len(days), f"{each.date},")
-            since = earlier
+        days = sorted((date.fromisoformat(each.date), each) for each in plan.inspections)
+        repaired = set[str]()  # since the last inspection that was valid
+        for k, (day, each) in enumerate(days):
+            bar.update(k, len(days), f"{day},")
+            repaired |= {*each.repaired}
             records = [*_records(plan, each, structure, beside)]
-            answer = inspect_records(twin, records, since=since, repaired=each.repaired if since else ())
+            answer = inspect_records(twin, records, since=earlier, repaired=sorted(repaired) if earlier else ())
             if answer.valid:
-                earlier = Earlier.of(answer)
-            answers[date.fromisoformat(each.date)] = found = answer.as_json()
-            write_text(folder / f"{each.date}.json", json.dumps(found, indent=1) + "\n")
+                earlier, repaired = Earlier.of(answer), set[str]()
+            answers[day] = found = answer.as_json()
+            write_text(folder / f"{day}.json", json.dumps(found, indent=1) + "\n")
     return InspectionHistory.of(answers)
 
 
@@ -331,7 +339,7 @@ def _records(
     plan: InspectionPlan, of: HealthyRecords | InspectedDay, structure: Structure, beside: Path
 ) -> list[ResponseRecord]:
     """Read and simulate the records of an inspection."""
-    from .records import find_record
+    from .records import find_records
 
     options = TwinOptions(
         kind=None,
@@ -344,7 +352,7 @@ def _records(
         elements_per_side=4,
         order=4,
     )
-    measured = [find_record(beside / name, options).record for name in of.records]
+    measured = [each.record for each in find_records([beside / name for name in of.records], options)]
     return [*measured, *(_simulated(plan, each, structure) for each in of.simulated)]
 
 
@@ -358,8 +366,9 @@ def _simulated(plan: InspectionPlan, of: SimulatedRecord, structure: Structure) 
     forward = MembraneForward(with_factors(structure, SCALABLE), of.parameters)
     samples = round(plan.stop / plan.step)
     strain = forward.strain(damage, {}, {}, samples, plan.step)[0]
-    noise = plan.noise * np.random.default_rng(of.seed).standard_normal(strain.shape)
-    return ResponseRecord(step=plan.step, values=strain + noise, noise=plan.noise)
+    sigma = SIMULATED if plan.noise is None else plan.noise
+    noise = sigma * np.random.default_rng(of.seed).standard_normal(strain.shape)
+    return ResponseRecord(step=plan.step, values=strain + noise, noise=sigma)
 
 
 def _csv(history: InspectionHistory) -> str:

@@ -1,6 +1,7 @@
 """Inspections: one damage for several records, and what has grown since the last one."""
 
 import json
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -96,6 +97,20 @@ def test_an_inspection_is_read_as_it_was_written(spring, tmp_path):
     again = Earlier.read(path)
     assert again.damage == pytest.approx(spring.damage)
     assert again.covariance == pytest.approx(spring.covariance)
+    vague = replace(spring, deviation=np.full(16, 0.05))  # no zone is determined
+    path.write_text(json.dumps(vague.as_json()))
+    assert vague.as_json()["damage"] == [None] * 16
+    assert Earlier.read(path).damage == pytest.approx(Earlier.of(vague).damage)
+
+
+def test_zones_that_were_answered_together_are_known_by_their_mean_alone(spring):
+    pair = ("zone_6", "zone_7")
+    together = tuple(tuple(name for name in pair if name != zone) if zone in pair else () for zone in spring.zones)
+    found = Earlier.of(replace(spring, together_with=together))
+    mean, difference = np.zeros(16), np.zeros(16)
+    mean[5:7], difference[5:7] = 0.5, (1.0, -1.0)
+    assert mean @ found.covariance @ mean == pytest.approx(mean @ spring.covariance @ mean)
+    assert difference @ found.covariance @ difference > 0.02**2
 
 
 @pytest.mark.parametrize(

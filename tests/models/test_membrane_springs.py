@@ -82,6 +82,18 @@ def test_springs_count_as_supports_but_only_in_their_directions():
         sheet(Support(group="all", fixed="yz", stiffness=10.0))
 
 
+def test_an_input_does_not_move_a_spring():
+    with pytest.raises(DescriptionError, match="an input moves rigid supports alone"):
+        Support(group="left", stiffness=10.0, displacement=(1e-3, 0.0, 0.0), motion="way")
+
+
+def test_a_spring_pulls_at_nodes_that_are_free_alone():
+    """All of the stiffness acts on the nodes of the sheet that the wall on its left does not hold."""
+    structure = sheet(HELD, Support(group="left"), Support(group="all", fixed="x", stiffness=100.0))
+    assert structure.springs.sum() == pytest.approx(1.0)
+    assert structure.springs.reshape(-1, 3)[POINTS["left"](*structure.mesh.nodes.T)].max() == 0.0
+
+
 def test_on_a_frame_that_flies_springs_are_refused():
     with pytest.raises(DescriptionError, match="on a frame that flies supports are rigid"):
         membrane_model(sheet(Support(group="all", stiffness=10.0)), frame=True)

@@ -24,12 +24,10 @@ def free_displacements(setup: Setup, mesh: SurfaceMesh) -> NDArray[np.bool_]:
 
 def springs(setup: Setup, mesh: SurfaceMesh, mass: Vector) -> Vector:
     """Return the share [1] of the stiffness of each support that is a spring at each displacement, shape (springs, 3 N)."""
-    found = np.zeros((len(setup.springs), mesh.nodes.size))
+    found, free = np.zeros((len(setup.springs), mesh.nodes.size)), free_displacements(setup, mesh)
     for row, i in zip(found, setup.springs, strict=True):
-        nodes = mesh.points[setup.supports[i].group]
-        share = np.zeros(len(mesh.nodes))
-        share[nodes] = mass[nodes] / mass[nodes].sum()
-        row[:] = np.repeat(share, 3) * _held(setup.supports[i], mesh)
+        on = (np.repeat(mass, 3) * (_held(setup.supports[i], mesh) & free)).reshape(-1, 3)
+        row[:] = (on / np.maximum(on.sum(axis=0), 1e-300)).ravel()
     return found
 
 
@@ -91,13 +89,14 @@ def ways(setup: Setup, mesh: SurfaceMesh) -> Vector:
     DescriptionError
         Two supports move a node to different places.
     """
-    found = np.zeros((len(setup.supports), len(mesh.nodes), 3))
+    found, free = np.zeros((len(setup.supports), len(mesh.nodes), 3)), free_displacements(setup, mesh).reshape(-1, 3)
     mistakes = []
     for i, support in enumerate(setup.supports):
         nodes, centre = mesh.points[support.group], np.array(support.centre)
         axes = ["xyz".index(axis) for axis in support.fixed]
         moved = (np.array(support.stretch) - 1.0) * (mesh.nodes[nodes] - centre) + np.array(support.displacement)
         found[i, nodes[:, None], axes] = moved[:, axes]
+        found[i] *= free if support.stiffness else 1.0  # springs do not move what is held
         for j, other in enumerate(setup.supports[:i]):
             both = (found[i] != 0.0) & (found[j] != 0.0)
             same = np.isclose(found[i], found[j], rtol=0.0, atol=1e-9 * mesh.size) & (support.motion == other.motion)

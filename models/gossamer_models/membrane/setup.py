@@ -120,6 +120,9 @@ class Support:
         if self.motion and not self.motion.isidentifier():
             text = f"'motion' is {self.motion!r}. Use letters, digits and underscores, and no digit at the start."
             mistakes.append(Mistake(("motion",), text))
+        if self.motion and self.stiffness:
+            text = "an input moves rigid supports alone. Leave out 'motion', or 'stiffness'."
+            mistakes.append(Mistake(("motion",), text))
         raise_any(mistakes)
 
 

@@ -24,7 +24,7 @@ UNLIKELY = 1e-4  # sets of zones whose covariance does not count
 OFF = 0.2  # of the range: no answer is valid where a sensor is further off its model
 OFF_BEHIND = 0.005  # the same where the mesh's error was learned behind sensors that keep to it
 GROWTH = ("growth", "growth_deviation", "growth_probability")
-OF_ZONES = ("damage", "deviation", "probability", "covariance", "bounds", *GROWTH, "faults", "explanations")
+OF_ZONES = ("damage", "estimate", "deviation", "probability", "covariance", "bounds", *GROWTH, "faults", "explanations")
 EXPLAINS, EXPLANATIONS = 0.01, 6  # probability of an explanation that is told, and most of them
 
 
@@ -172,6 +172,7 @@ class Answer:
         if not shown:
             return found | dict.fromkeys(OF_ZONES)
         found["faults"] = [asdict(fault) for fault in self.faults]
+        found["estimate"] = self.damage.tolist()  # also of zones that have bounds alone
         return found | {"damage": [None if np.isnan(value) else value for value in self.value.tolist()]}
 
 
@@ -257,12 +258,12 @@ class ZonesFound:
         likely = fit.likely if sparse else alternatives(fit.model, limits, drop_zones(fit.model, limits)[0])
         spread = likely.spread if sparse else np.zeros_like(A)
         sets = zip(likely.weight, likely.kept, strict=True) if sparse else [(1.0, kept)]
-        covariance = spread + sum(weight * _covariance(A, some) for weight, some in sets if weight > UNLIKELY)
+        covariance = spread + sum(weight * covariance_over(A, some) for weight, some in sets if weight > UNLIKELY)
         deviation = np.sqrt(np.diag(covariance)).copy()
         for k in np.flatnonzero(~kept):
             alone = kept.copy()
             alone[k] = True
-            deviation[k] = math.sqrt(_covariance(A, alone)[k, k] + spread[k, k])
+            deviation[k] = math.sqrt(covariance_over(A, alone)[k, k] + spread[k, k])
         deviation[:zones] = np.hypot(deviation[:zones], fit.vague)
         return cls(x[:zones], likely.probability[:zones], covariance, deviation, likely)
 
@@ -339,7 +340,7 @@ def of_record(problem: RecordProblem, point: Point, deviation: Vector) -> tuple[
 def untold_zones(fit: Fit) -> tuple[int, ...]:
     """Return the zones, from 1, whose own damage the record cannot tell."""
     free = (np.arange(fit.kept.size) < fit.problem.whole) | fit.kept  # faults that are not there take no zone's place
-    everything = np.sqrt(np.diag(_covariance(fit.model.A, free)))[: fit.problem.whole]
+    everything = np.sqrt(np.diag(covariance_over(fit.model.A, free)))[: fit.problem.whole]
     return tuple(int(k) + 1 for k in np.flatnonzero(everything > UNRESOLVED * PRIOR_DEVIATION))
 
 
@@ -364,7 +365,7 @@ def together_with(fit: Fit) -> tuple[tuple[str, ...], ...]:
     )
 
 
-def _covariance(A: Matrix, free: Rows) -> Matrix:
+def covariance_over(A: Matrix, free: Rows) -> Matrix:
     """Invert the curvature over some unknowns; zero elsewhere."""
     full = np.zeros_like(A)
     full[np.ix_(free, free)] = np.linalg.pinv(A[np.ix_(free, free)], hermitian=True)

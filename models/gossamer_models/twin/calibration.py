@@ -134,4 +134,5 @@ def with_factors(structure: Structure, names: Sequence[str]) -> Structure:
     if structure.starts_in_plane or wanted == setup.factors:
         return structure
     fine = replace(setup, factors=wanted, refine=0)  # the mesh is as fine as it is
-    return replace(make_structure(fine, structure.mesh), setup=replace(fine, refine=setup.refine))
+    kept = {name: getattr(structure, name) for name in ("unit_forces", "variables", "probes")}  # as a finer mesh has them
+    return replace(make_structure(fine, structure.mesh), setup=replace(fine, refine=setup.refine), **kept)

@@ -98,7 +98,7 @@ class InspectionHistory:
         shape, bounds = (len(days), len(zones)), np.full((len(days), len(zones), 2), np.nan)
         damage, deviation = np.full(shape, np.nan), np.full(shape, np.nan)
         for k, answer in enumerate(each):
-            if answer["damage"] is not None:
+            if answer["valid"] and answer["damage"] is not None:
                 damage[k] = [math.nan if value is None else value for value in answer["damage"]]
                 deviation[k], bounds[k] = answer["deviation"], answer["bounds"]
         deviation[np.isnan(damage)] = np.nan

@@ -6,6 +6,7 @@ Symbols: ``x`` unknowns of all records, see ``JointProblem``; ``k`` records, ``z
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,7 +18,7 @@ from threadpoolctl import threadpool_limits
 
 from ..arrays import Matrix, Rows, Vector
 from ..errors import ConvergenceError, DataError, require
-from .answer import Answer, ZonesFound, names_of, of_record, order_of, together_with, untold_zones
+from .answer import Answer, ZonesFound, covariance_over, names_of, of_record, order_of, together_with, untold_zones
 from .correction import differentiated, moved
 from .forward import Forward
 from .groups import groups_of
@@ -68,24 +69,29 @@ class Earlier:
         try:
             content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
             valid, zones = bool(content["valid"]), tuple(map(str, content["zones"]))
+            names = ("estimate", "probability", "covariance")
+            arrays = {name: np.array(content[name], dtype=float) for name in names} if valid else {}
+            together = content.get("together_with") or ()
         except (OSError, KeyError, TypeError, ValueError) as error:
             msg = f"{path} is no answer of a twin: {error}. Write one with 'gossamer twin'."
             raise DataError(msg) from error
         msg = f"{path} is not valid, so nothing can be said since then. Take an inspection that is, or inspect without it."
         require(valid, msg, DataError)
-        middle = np.mean(np.array(content["bounds"], dtype=float), axis=1)  # of a zone that had bounds alone
-        damage = [middle[k] if value is None else value for k, value in enumerate(content["damage"])]
-        arrays = {name: np.array(content[name], dtype=float) for name in ("probability", "covariance")}
-        return cls(zones=zones, damage=np.array(damage, dtype=float), **arrays)
+        damage, covariance = arrays["estimate"], arrays["covariance"]
+        covariance = covariance + _within(zones, together, damage, covariance)
+        return cls(zones=zones, damage=damage, probability=arrays["probability"], covariance=covariance)
 
     @classmethod
     def of(cls, answer: Answer) -> Earlier:
         """Take an answer that is valid."""
         require(answer.valid, "the last answer is not valid, so nothing can be said since then. Leave it out.", DataError)
-        return cls(zones=answer.zones, damage=answer.damage, probability=answer.probability, covariance=answer.covariance)
+        more = _within(answer.zones, answer.together_with, answer.damage, answer.covariance)
+        return cls(
+            zones=answer.zones, damage=answer.damage, probability=answer.probability, covariance=answer.covariance + more
+        )
 
     def before(self, zones: Sequence[str], repaired: Sequence[str], faults: int = 0) -> Before:
-        """Return the damages that what has grown since is added to: none in zones that were repaired, and no faults.
+        """Return the damages that what has grown since is added to: none in zones that were repaired or whole, no faults.
 
         Raises
         ------
@@ -97,10 +103,20 @@ class Earlier:
             raise DataError(msg)
         for name in repaired:
             require(name in zones, f"there is no zone {name!r} to be repaired. Choose from {', '.join(zones)}.", DataError)
-        stays = np.array([name not in repaired for name in zones], dtype=float)
+        stays = np.array([name not in repaired for name in zones]) & (self.damage > 0.0)
         variance, modes = np.linalg.eigh(self.covariance * np.outer(stays, stays))
         root = modes * np.sqrt(np.maximum(variance, 0.0))
         return Before(np.pad(self.damage * stays, (0, faults)), np.pad(root, (0, faults)))
+
+
+def _within(zones: Sequence[str], together: Sequence[Sequence[str]], damage: Vector, covariance: Matrix) -> Matrix:
+    """Return the covariance of damages that were answered together about their mean, which is all that is known of them."""
+    found = np.zeros_like(covariance)
+    for group in {tuple(sorted({name, *others})) for name, others in zip(zones, together, strict=True) if others}:
+        at = [list(zones).index(name) for name in group]
+        size = max(float(damage[at].mean()), math.sqrt(covariance[at[0], at[0]]))
+        found[np.ix_(at, at)] = size**2 * (np.eye(len(at)) - 1.0 / len(at))
+    return found
 
 
 def inspect(
@@ -143,11 +159,11 @@ def inspect(
     covariance as prior, and a zone has grown only if that explains the records better, by the same price as damage.
     """
     require(records, "an inspection needs a record or more.", DataError)
+    require(since is not None or not repaired, "zones are repaired since an inspection. Name that too.", DataError)
     if len(records) == 1 and since is None:
         return twin.fit(records[0], report)
     earlier = Earlier.of(since) if isinstance(since, Answer) else since
     before = None if earlier is None else earlier.before(twin.names, repaired, len(twin.faults))
-    require(earlier is not None or not repaired, "zones are repaired since an inspection. Name that too.", DataError)
     with threadpool_limits(1):
         alone = [twin.alone(record, report) for record in records]
         fit = _together(twin, alone, before)
@@ -178,15 +194,24 @@ def _together(twin: Twin, alone: Sequence[Alone], before: Before | None) -> Fit:
         msg = "the twin's membrane fails where it should explain all records. Check their loads."
         raise ConvergenceError(msg)
     fit = min(ends, key=lambda end: (not end.passes, end.worth))
+    move = np.zeros(joint.zones)
     for _ in range(ROUNDS):
         moving = np.isin(np.arange(joint.size), differentiated(fit))
-        refined = joint.corrected(fit.point.x, moving, finer)
+        try:
+            refined = joint.corrected(fit.point.x, moving, finer)
+        except ConvergenceError:
+            break
         if refined is None:
             break
         last, joint = fit, refined
         fit = again(fit, cast(RecordProblem, joint), sparse=sparse, rivals=False)
-        if moved(last, fit) < SETTLED:
+        if fit is last:  # it failed
             break
+        move = np.abs(fit.point.x - last.point.x)[: joint.zones]
+        if moved(last, fit) < SETTLED:
+            move = np.zeros(joint.zones)
+            break
+    fit = replace(fit, vague=move)
     return with_rivals(fit) if sparse and fit.passes else fit
 
 
@@ -237,7 +262,12 @@ def _answer(twin: Twin, fit: Fit, alone: Sequence[Alone], earlier: Earlier | Non
         grown = {name: fields[name] for name in ("damage", "deviation", "probability")}
         fields |= {f"growth_{name}" if name != "damage" else "growth": value for name, value in grown.items()}
         at = joint.maps[0][1][:z]  # from all unknowns to the damages
-        covariance = at @ found.covariance @ at.T
+        covariance = np.array(at @ found.covariance @ at.T)
+        unhurt = ~fit.kept[:z] & (joint.before.damage[:z] == 0.0)
+        for k in np.flatnonzero(unhurt).tolist():  # what it would be, if they were damaged now
+            also = fit.kept | (np.arange(joint.size) == k)
+            covariance[k, k] = at[k] @ covariance_over(fit.model.A, also) @ at[k]
+        np.fill_diagonal(covariance, np.diag(covariance) + np.broadcast_to(fit.vague, joint.zones)[:z] ** 2)
         fields["covariance"], fields["deviation"] = covariance, np.sqrt(np.diag(covariance))
         stays = np.where(joint.before.damage[:z] > 0.0, earlier.probability, 0.0)
         fields["probability"] = 1.0 - (1.0 - stays) * (1.0 - grown["probability"])
@@ -274,7 +304,7 @@ def _answer(twin: Twin, fit: Fit, alone: Sequence[Alone], earlier: Earlier | Non
             )
         )
     said[:0] = [fit.oddity] * bool(fit.oddity)
-    shared = {name: value for name, value in records[0].nuisances.items() if name in joint.shared}
+    shared = {name: value for each in records for name, value in each.nuisances.items() if name in joint.shared}
     whole: dict[str, Any] = {
         "chi2_per_sample": fit.per_sample,
         "chi2_bound": fit.chi2_bound,

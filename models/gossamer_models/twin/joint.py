@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..arrays import Matrix, Rows, Vector
 from .forward import Forward
 from .least_squares import LeastSquares, Point
-from .nuisances import BEYOND, MODULUS
+from .nuisances import BEYOND, MODULUS, SCALES, number_of, root_of
 from .problem import RecordProblem
 from .sensor_error import SensorError
 from .zone_sets import ODDS
@@ -91,6 +91,7 @@ class JointProblem(LeastSquares):
             start, matrix = np.zeros(problem.size), np.zeros((problem.size, size))
             matrix[np.arange(all_zones), self.groups] = 1.0
             matrix[all_zones + np.arange(len(where)), where] = 1.0
+            self._mix(problem, places, matrix[all_zones:])
             if before is not None:
                 start[:all_zones], matrix[:all_zones, of_before] = before.damage, before.root
             self.maps.append((start, matrix))
@@ -109,6 +110,17 @@ class JointProblem(LeastSquares):
             (problem, slice(end - problem.y.size, end), f" of record {k}")
             for k, (problem, end) in enumerate(zip(problems, ends, strict=True), 1)
         )
+
+    def _mix(self, problem: RecordProblem, places: dict[str, int], matrix: Matrix) -> None:
+        """Write how the factors of a record follow from those of all, where these are known together and it lacks some."""
+        there = [name for name in places if number_of(name) in SCALES]
+        own = [name for name in there if name in problem.nuisances.names]
+        if own == there or problem.nuisances.spread is None:
+            return
+        rows = [problem.nuisances.names.index(name) for name in own]
+        whole = root_of(there, problem.nuisances.spread)[[there.index(name) for name in own]]
+        mixed = np.linalg.solve(root_of(own, problem.nuisances.spread), whole)
+        matrix[np.ix_(rows, [places[name] for name in there])] = mixed
 
     @property
     def log_determinant(self) -> float:
@@ -191,9 +203,7 @@ class JointProblem(LeastSquares):
             found.append(one.averaged(backward.corrected(mesh[0], mine, beside, mesh[1])))
         if all(problem.added is None for problem in found):
             return None
-        changed = copy(self)
-        JointProblem.__init__(changed, found, self.shared, self.groups, self.before)
-        return changed
+        return JointProblem(found, self.shared, self.groups, self.before)
 
 
 def _both_ways(problem: RecordProblem) -> list[RecordProblem]:

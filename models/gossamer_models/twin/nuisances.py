@@ -257,12 +257,7 @@ class Nuisances:
     def _root(self) -> tuple[tuple[str, ...], Matrix]:
         """The factors among the nuisances, which come first, and what turns z of them into their logarithms, (n, n)."""
         names = tuple(name for name in self.simulated if number_of(name) in SCALES)
-        root = np.diag([SCALES[number_of(name)][1] for name in names])
-        if self.spread is not None:
-            known = [name for name in names if name in self.spread.names]
-            at = [names.index(name) for name in known]
-            root[np.ix_(at, at)] = self.spread.root(known)
-        return names, root
+        return names, root_of(names, self.spread)
 
     def histories(self, z: Matrix, time: Vector) -> dict[str, Matrix]:
         """Return the loads at the given times [s], shape (n,), or (m, n) where they depend on nuisances.
@@ -352,6 +347,16 @@ class Nuisances:
         if load == "pressure":
             sizes.append(self.parameters.get("pressure_amplitude", 0.0))
         return max(sizes)
+
+
+def root_of(names: Sequence[str], spread: Spread | None) -> Matrix:
+    """Return what turns factors in units of their priors into logarithms, shape (n, n)."""
+    root = np.diag([SCALES[number_of(name)][1] for name in names])
+    if spread is not None:
+        known = [name for name in names if name in spread.names]
+        at = [names.index(name) for name in known]
+        root[np.ix_(at, at)] = spread.root(known)
+    return root
 
 
 def number_of(name: str) -> str:

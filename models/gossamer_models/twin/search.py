@@ -128,7 +128,8 @@ class Fit:
         told = np.zeros(self.kept.size, dtype=bool)  # others reach their bounds by noise
         covariance = np.linalg.pinv(self.model.A[np.ix_(self.kept, self.kept)], hermitian=True)
         told[self.kept] = np.sqrt(np.diag(covariance)) < UNRESOLVED * PRIOR_DEVIATION
-        torn = np.flatnonzero((told & self.at_bound)[self.problem.groups])
+        zones = self.problem.groups[: self.problem.groups.size - (self.problem.zones - self.problem.whole)]
+        torn = np.flatnonzero((told & self.at_bound)[zones])
         if torn.size:
             zone = self.problem.model.zones[torn[0]]
             return f"damage of {zone} is as large as the twin goes, {100.0 * MOST_DAMAGE:g} %, as in a false minimum"

@@ -170,7 +170,8 @@ class Parted:
                 break
             fit, causes["partial"], renewed = fewer, Cause("partial", 0.0, 1.0), False
         if "partial" in causes:
-            fit = replace(fit, vague=np.hypot(fit.vague, VAGUE * np.maximum(fit.point.x[: own.zones], LEAST_PARTED)))
+            parted = np.where(np.arange(own.zones) < own.whole, np.maximum(fit.point.x[: own.zones], LEAST_PARTED), 0.0)
+            fit = replace(fit, vague=np.hypot(fit.vague, VAGUE * parted))
         return fit, [self._said(cause, fit) for cause in causes.values()]
 
     def columns(self, problem: RecordProblem, x: Vector) -> dict[str, Matrix]:
@@ -181,7 +182,7 @@ class Parted:
         n, h, s = problem.record.samples, problem.record.step, problem.model.sensors
         z, time = problem.z(x[None]), h * np.arange(1.0, n + 1.0)
         moved, acting = problem.nuisances.moved(z), problem.nuisances.histories(z, time)
-        (damage,), moved, acting, _ = self._own.acted(problem.damage(x[None]), moved, acting)
+        (damage,), moved, acting, (keeps,) = self._own.acted(problem.damage(x[None]), moved, acting)
         load = {name: each.reshape(-1, n)[0] for name, each in acting.items()}
         given = {name: float(value[0]) for name, value in moved.items()}
         parts = np.clip(np.repeat(damage, PARTS), STEP, MOST_DAMAGE - STEP)
@@ -201,11 +202,11 @@ class Parted:
         }
         if pressed:
             found |= {"tilt": change[len(ways) :][: len(self._axes)], "flicker": change[len(ways) + len(self._axes) :]}
-        return {kind: rows for kind, rows in found.items() if np.isfinite(rows).all()}
+        return {kind: keeps[:, None] * rows for kind, rows in found.items() if np.isfinite(rows).all()}
 
     def _said(self, cause: Cause, fit: Fit) -> str:
         """Say what a cause is."""
-        damaged = np.flatnonzero(fit.problem.damage(fit.point.x[None])[0] > 0.0)
+        damaged = np.flatnonzero(fit.problem.damage(fit.point.x[None])[0, : self._own.structure.n_zones] > 0.0)
         zones = [self._own.zones[k] for k in damaged]
         of = ", ".join(zones or ["its zones"]) if cause.kind == "partial" else 100.0 * cause.scale
         return DOUBTS[cause.kind].format(of)

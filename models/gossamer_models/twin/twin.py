@@ -229,7 +229,8 @@ class Twin:
     def finer(self, problem: RecordProblem) -> tuple[Forward, Matrix] | None:
         """Return the membrane on a finer mesh, and components of the error that is left there; None if that is not known."""
         found = self._finer(problem.record, problem.components)
-        return found if found is None or problem.added is None else (found[0], problem.components)
+        again = problem.added is not None and self._finer_square is not None  # those of the square are shares of its own
+        return (found[0], problem.components) if found is not None and again else found
 
     def fit(self, record: ResponseRecord, report: Progress = lambda *_: None) -> Answer:
         """Find the damages that explain a record.
@@ -378,7 +379,9 @@ class Twin:
             raise DataError(msg)
         compared = record.first(samples)
         readings = len(record.sensors) * compared.states
-        size = DamageUnknowns(self._forward, self._nuisances(self.nuisances, compared)).size  # priors tell the others
+        size = DamageUnknowns(self._forward, self._nuisances(self.nuisances, compared)).size - len(
+            self.faults
+        )  # priors tell the others
         if size > readings:
             msg = (
                 f"{size} unknowns, {self.zones} of them damages, cannot be told from {readings} readings under "
@@ -411,7 +414,7 @@ class Twin:
             calibrated = () if self._spread is None else map(number_of, self._spread.names)
             left_out |= {*self.known} | ({*NAMES} - {*BY_DEFAULT, *calibrated})
             left_out |= {*FACTORS} if {*self.nuisances} & {*self._forward.inputs} else set()  # any load explains any of them
-        return tuple(dict.fromkeys((*self.nuisances, *(name for name in given if number_of(name) not in left_out))))
+        return tuple(dict.fromkeys((*self.nuisances, *(name for name in given if not left_out & {name, number_of(name)}))))
 
     def _weighed(self, record: ResponseRecord, noise: Vector, fit: Fit) -> Fit:
         """Fit a record with another noise, from where a fit has ended."""

@@ -60,7 +60,7 @@ class DamageUnknowns:
         at_faults = slice(self.whole, self.zones)
         self.prior[at_faults] = EVEN**-2  # a record at rest tells nothing of masses
         self.high[at_faults] = [fault.most for fault in faults]
-        self.odds[at_faults] = [fault.probability for fault in faults]
+        self.odds[at_faults] = [fault.probability / (1.0 - fault.probability) for fault in faults]
         self.steps = np.r_[np.full(self.zones, DAMAGE_STEP), NUISANCE_STEP * ones]
 
     def z(self, x: Matrix) -> Matrix:

@@ -140,8 +140,8 @@ def price(model: Quadratic, box: Box, kept: Rows) -> float:
     """
     zones = kept & box.zones
     S = model.A[np.ix_(kept, kept)] + np.diag(zones[kept] * EVEN**-2)
-    odds = np.broadcast_to(box.odds, zones.shape)[zones]
-    return float(np.linalg.slogdet(S)[1] + 2.0 * np.log(EVEN / odds).sum())
+    even = ((box.high - box.low) / np.sqrt(2.0 * np.pi) / np.broadcast_to(box.odds, zones.shape))[zones]
+    return float(np.linalg.slogdet(S)[1] + 2.0 * np.log(even).sum())
 
 
 def alternatives(model: Quadratic, box: Box, kept: Rows, known: Sequence[tuple[Rows, float, Vector]] = ()) -> Alternatives:

@@ -49,6 +49,12 @@ def test_a_folder_of_answers_is_a_history_with_growth_by_zone(answers):
     assert found["growth"].to_numpy()[1] == pytest.approx(0.0)
 
 
+def test_what_is_not_valid_is_no_growth_even_where_it_was_shown(answers):
+    shown = answer(0.9, 0.0) | {"valid": False}
+    (answers / "2028-01-01.json").write_text(json.dumps(shown))
+    assert inspect(answers).data["growth"].to_numpy()[0] == pytest.approx(0.1 / 11.0, rel=0.15)
+
+
 def test_the_last_inspection_decides_the_exit_code(answers):
     (answers / "2028-01-01.json").write_text(json.dumps(answer(None, None, valid=False)))
     assert invoke(["inspect", str(answers)]).exit_code == 3
