@@ -185,7 +185,7 @@ def test_a_zarr_store_of_version_2_is_no_campaign(call, command, tmp_path, monke
 
 
 def test_the_word_none_is_a_text_where_a_text_is_meant():
-    assert parsed(["twin", "x", "--fit", "none"])[1] == {"record": "x", "fit": "none"}
+    assert parsed(["twin", "x", "--fit", "none"])[1] == {"records": ("x",), "fit": "none"}
 
 
 def test_the_help_lists_all_commands_in_the_order_of_work(call):
