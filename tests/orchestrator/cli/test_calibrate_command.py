@@ -87,3 +87,29 @@ def test_options_that_make_no_sense_are_refused(records, tmp_path, options, mess
     result = invoke(["calibrate", str(records / "a.csv"), *MESH, *options, "--out", str(tmp_path / "known.json")])
     assert result.exit_code == 1
     assert message in " ".join(result.stderr.split())
+
+
+def test_a_twin_of_several_records_and_what_has_grown_since(records, tmp_path):
+    spring, autumn = tmp_path / "spring.json", tmp_path / "autumn.json"
+    given = [*MESH, "--noise", str(NOISE)]
+    first = invoke(["twin", str(records / "a.csv"), str(records / "b.csv"), *given, "--out", str(spring)])
+    assert first.exit_code == 0, first.output
+    assert "record 2: chi2 per sample" in first.stderr
+    answer = json.loads(spring.read_text(encoding="utf-8"))
+    assert [each["valid"] for each in answer["records"]] == [True, True]
+    assert max(answer["estimate"]) == 0.0
+    later = ["twin", str(records / "torn.csv"), *given, "--since", str(spring), "--faults", "--out", str(autumn)]
+    second = invoke(later)
+    assert second.exit_code == 0, second.output
+    found = json.loads(autumn.read_text(encoding="utf-8"))
+    assert found["growth"][5] == pytest.approx(0.2, abs=0.03)
+    assert found["explanations"][0][1][0].startswith("zone_6")
+    assert {each["name"] for each in found["faults"]} >= {"loss of prestrain", "mass added", "sensor 1 loose"}
+    page = (tmp_path / "autumn" / "report.html").read_text(encoding="utf-8")
+    assert "Grown since the last inspection: 6 by" in page
+    healed = invoke(["twin", str(records / "a.csv"), *given, "--since", str(autumn), "--out", str(tmp_path / "healed.json")])
+    assert healed.exit_code == 3
+    assert "--repaired zone_6" in " ".join(healed.stderr.split())
+    lost = invoke(["twin", str(records / "a.csv"), *given, "--repaired", "zone_6"])
+    assert lost.exit_code == 1
+    assert "repaired since an inspection" in " ".join(lost.stderr.split())
