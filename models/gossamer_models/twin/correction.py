@@ -85,10 +85,15 @@ def corrected(fit: Fit, finer: Forward, components: Matrix, noise: Vector, *, sp
 
 
 def differentiated(fit: Fit) -> NDArray[np.int64]:
-    """Return the simulated unknowns that are kept, and of the dropped ones those by which chi2 falls most."""
+    """Return the simulated unknowns that are kept, all faults, and of the dropped damages those by which chi2 falls most.
+
+    Faults are few, and one that the coarse mesh tells wrongly would never be looked at.
+    """
     gain = np.maximum(fit.model.g, 0.0) ** 2 / np.maximum(np.diag(fit.model.A), UNSEEN)  # dropped damages may only rise
-    gain = np.where(fit.kept, np.inf, gain)[: fit.problem.simulated]
-    return np.sort(np.argsort(-gain, kind="stable")[: max(PLACES, np.count_nonzero(fit.kept[: gain.size]))])
+    unknowns = np.arange(fit.kept.size)
+    always = fit.kept | ((unknowns >= fit.problem.whole) & (unknowns < fit.problem.zones))
+    gain = np.where(always, np.inf, gain)[: fit.problem.simulated]
+    return np.sort(np.argsort(-gain, kind="stable")[: max(PLACES, np.count_nonzero(always[: gain.size]))])
 
 
 def _made_by(own: RecordProblem, fit: Fit) -> bool:
