@@ -272,9 +272,8 @@ class ZonesFound:
         problem, zones = fit.problem, self.damage.size
         deviation, damages = self.unknowns[:zones], self.covariance[:zones, :zones].copy()
         np.fill_diagonal(damages, deviation**2)
-        names = problem.model.zones
-        groups = problem.groups[: len(names) - (problem.zones - problem.whole)]
-        of_faults = zip(names[groups.size :], range(problem.whole, problem.zones), strict=True)
+        groups = fit.zone_groups
+        of_faults = zip(problem.model.zones[groups.size :], range(problem.whole, problem.zones), strict=True)
         return {
             "damage": self.damage[groups],
             "deviation": deviation[groups],
@@ -296,11 +295,11 @@ class ZonesFound:
         """Gather sets of damages and faults, the likeliest first."""
         problem, names = fit.problem, np.array(fit.problem.model.zones)
         called = [" and ".join(names[problem.groups == k]) for k in range(problem.zones)]
+        more = [" more" * (problem.before is not None and at < problem.whole) for at in range(problem.zones)]
         for k in np.argsort(-self.likely.weight, kind="stable")[:EXPLANATIONS]:
             if self.likely.weight[k] < EXPLAINS:
                 return
             x, kept = fit.point.x + self.likely.move[k], np.flatnonzero(self.likely.kept[k][: problem.zones])
-            more = [" more" * (problem.before is not None and at < problem.whole) for at in range(problem.zones)]
             yield float(self.likely.weight[k]), tuple(f"{called[at]} {100.0 * x[at]:.3g} %{more[at]}" for at in kept)
 
 
@@ -346,8 +345,7 @@ def untold_zones(fit: Fit) -> tuple[int, ...]:
 
 def names_of(fit: Fit) -> tuple[str, ...]:
     """Return the names of the zones, without those of faults."""
-    names = fit.problem.model.zones
-    return names[: len(names) - (fit.problem.zones - fit.problem.whole)]
+    return fit.problem.model.zones[: fit.zone_groups.size]
 
 
 def order_of(wiring: Wiring | None, sensors: int) -> tuple[int, ...]:
@@ -357,8 +355,7 @@ def order_of(wiring: Wiring | None, sensors: int) -> tuple[int, ...]:
 
 def together_with(fit: Fit) -> tuple[tuple[str, ...], ...]:
     """Return the names of the other zones of the group of each."""
-    names = names_of(fit)
-    groups = fit.problem.groups[: len(names)]
+    names, groups = names_of(fit), fit.zone_groups
     return tuple(
         tuple(names[other] for other in np.flatnonzero(groups == group).tolist() if other != zone)
         for zone, group in enumerate(groups.tolist())

@@ -19,7 +19,7 @@ from threadpoolctl import threadpool_limits
 from ..arrays import Matrix, Rows, Vector
 from ..errors import ConvergenceError, DataError, require
 from .answer import Answer, ZonesFound, covariance_over, names_of, of_record, order_of, together_with, untold_zones
-from .correction import differentiated, moved
+from .correction import SETTLED, differentiated, moved
 from .forward import Forward
 from .groups import groups_of
 from .joint import Before, JointProblem
@@ -34,7 +34,7 @@ from .zone_sets import drop_zones
 
 HEALED = 4.0  # deviations by which a zone that a record finds less damaged than the last inspection is named
 OF_ALL = (*NUMBERS, "gain")  # nuisances that are the same in all records
-ROUNDS, SETTLED = 4, 0.5  # of a finer mesh, and deviations of a damage that the last one moves at most
+ROUNDS = 4  # of a finer mesh
 UNSEEN = 1e-9  # of curvature: of what no record tells
 
 

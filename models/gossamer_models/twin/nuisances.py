@@ -219,7 +219,7 @@ class Nuisances:
     @property
     def simulated(self) -> tuple[str, ...]:
         """Names of the nuisances that need a simulation each for a derivative."""
-        each = (kind for of in (*SCALES, "phase") for kind in self.kinds if kind == of or number_of(kind) == of)
+        each = (kind for of in (*SCALES, "phase") for kind in self.kinds if number_of(kind) == of)
         names = [kind for kind in each if _acts(kind, self._scalable)]
         names += [f"amplitude[{name}]" for name in self.scaled]
         return (*names, *(f"{name}[{k + 1}]" for name in self.unknown for k in range(self.knots)))
@@ -234,8 +234,8 @@ class Nuisances:
     def moved(self, z: Matrix) -> dict[str, Vector]:
         """Return the parameters, and inputs at the start, of rows of z, shape (m, number of nuisances)."""
         given = {name: np.full(len(z), value) for name, value in self.loads.start.items()}
-        for parameter, factor in self._factors(z).items():
-            given[parameter] = factor * {**self._scalable, **self.loads.start}[parameter]
+        values = {**self._scalable, **self.loads.start}
+        given |= {parameter: factor * values[parameter] for parameter, factor in self._factors(z).items()}
         if "phase" in self.simulated:
             given["pressure_phase"] = self.parameters["pressure_phase"] + PHASE * z[:, self.simulated.index("phase")]
         for name, factor in self._scales(z).items():

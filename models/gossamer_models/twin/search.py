@@ -13,6 +13,7 @@ from functools import cached_property, partial
 from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Matrix, Rows, Vector
 from ..errors import ConvergenceError
@@ -118,6 +119,12 @@ class Fit:
         return float(np.abs(self.problem.z(self.point.x[None])).max(initial=0.0))
 
     @property
+    def zone_groups(self) -> NDArray[np.int64]:
+        """Which unknown the damage of each zone is, from 0, faults left out."""
+        faults = self.problem.zones - self.problem.whole
+        return self.problem.groups[: self.problem.groups.size - faults]
+
+    @property
     def at_bound(self) -> Rows:
         """Which unknowns are as large as they may be, shape (n,)."""
         return np.asarray(self.point.x > self.problem.high - TORN)
@@ -128,8 +135,7 @@ class Fit:
         told = np.zeros(self.kept.size, dtype=bool)  # others reach their bounds by noise
         covariance = np.linalg.pinv(self.model.A[np.ix_(self.kept, self.kept)], hermitian=True)
         told[self.kept] = np.sqrt(np.diag(covariance)) < UNRESOLVED * PRIOR_DEVIATION
-        zones = self.problem.groups[: self.problem.groups.size - (self.problem.zones - self.problem.whole)]
-        torn = np.flatnonzero((told & self.at_bound)[zones])
+        torn = np.flatnonzero((told & self.at_bound)[self.zone_groups])
         if torn.size:
             zone = self.problem.model.zones[torn[0]]
             return f"damage of {zone} is as large as the twin goes, {100.0 * MOST_DAMAGE:g} %, as in a false minimum"

@@ -19,10 +19,9 @@ from threadpoolctl import threadpool_limits
 from ..arrays import Matrix, Vector
 from ..errors import DataError, ParameterError, require
 from ..membrane import Fault, Structure, square_structure
-from ..membrane.setup import SCALABLE
 from ..sensor import SensorArtifact
 from .answer import Answer, answer_of, untold_zones
-from .calibration import Calibration, with_factors
+from .calibration import Calibration
 from .colour import in_colour, of_noise
 from .correction import corrected
 from .discrepancy import Discrepancy, default_discrepancy, is_learned, is_load_learned
@@ -229,8 +228,8 @@ class Twin:
     def finer(self, problem: RecordProblem) -> tuple[Forward, Matrix] | None:
         """Return the membrane on a finer mesh, and components of the error that is left there; None if that is not known."""
         found = self._finer(problem.record, problem.components)
-        again = problem.added is not None and self._finer_square is not None  # those of the square are shares of its own
-        return (found[0], problem.components) if found is not None and again else found
+        left = problem.added is not None and self._finer_square is not None  # of the square they are shares of its own
+        return (found[0], problem.components) if found is not None and left else found
 
     def fit(self, record: ResponseRecord, report: Progress = lambda *_: None) -> Answer:
         """Find the damages that explain a record.
@@ -540,10 +539,8 @@ class Twin:
     @cached_property
     def _finer_mesh(self) -> Forward | None:
         """The membrane on the finer mesh of the error of its own, with its faults."""
-        if self._mesh_error is None or not self.faults:
-            return None if self._mesh_error is None else self._mesh_error.finer
-        structure = with_factors(self._mesh_error.finer.structure, SCALABLE)
-        return MembraneForward(structure, {**self._forward.parameters, **self._forward.inputs}, faults=self.faults)
+        finer = None if self._mesh_error is None else self._mesh_error.finer
+        return with_faults(finer, self.faults) if finer is not None and self.faults else finer
 
     @cached_property
     def _learned(self) -> bool:

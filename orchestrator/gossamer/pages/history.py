@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from dataclasses import fields
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -85,11 +85,9 @@ def history_page(name: str, history: InspectionHistory, structure: Structure | N
 def _in_space(structure: Structure, history: InspectionHistory) -> dict[str, Any]:
     """Return what the page needs to draw a structure in space, coloured by damage, at every date."""
     with np.load(io.BytesIO(membrane_shape(structure, structure.table))) as files:
-        arrays = {name: files[name] for name in files.files if name != "card"}
-        size = structure.mesh.size if arrays["size"] >= 0 else 1.0
-    of_surface = {field.name: arrays[field.name] for field in fields(Surface)}
-    of_surface |= {name: size * arrays[name] for name in ("nodes", "sensor_points")}
-    surface, dates = Surface(**of_surface), len(history.dates)
+        known, size = Surface.stored(files), structure.mesh.size if files["size"] >= 0 else 1.0
+    surface = replace(known, nodes=size * known.nodes, sensor_points=size * known.sensor_points)
+    dates = len(history.dates)
     places, still = np.repeat(surface.nodes[None], dates, axis=0), np.zeros((dates, len(structure.setup.regions), 3))
     damage, months = 100.0 * np.nan_to_num(history.damage), history.months
     colour = {"name": "estimated damage", "of": "zone", "values": damage, "time": months, "valid": history.valid.tolist()}

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import logging
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -59,6 +60,13 @@ class Surface:
     sensor_points: Array
     sensor_directions: Array
 
+    @classmethod
+    def stored(cls, files: Mapping[str, Any]) -> Surface:
+        """Make it of the arrays of ``shape.npz``, lengths in units of the size."""
+        integers = {name: files[name].astype(np.int64) for name in ("faces", "element", "region", "zone")}
+        floats = ("nodes", "poisson_ratio", "direction", "sensor_points", "sensor_directions")
+        return cls(**integers, **{name: files[name].astype(float) for name in floats})
+
 
 class Shape:
     """How to read the shape of a membrane from the state of its FMU.
@@ -73,9 +81,7 @@ class Shape:
 
     def __init__(self, files: dict[str, Any], layout: dict[str, int]) -> None:
         self._files, self._layout = files, {name: int(layout[name]) for name in ("values", "n_values", "x", "n_x")}
-        integers = {name: files[name].astype(np.int64) for name in ("faces", "element", "region", "zone")}
-        floats = ("nodes", "poisson_ratio", "direction", "sensor_points", "sensor_directions")
-        self._surface = Surface(**integers, **{name: files[name].astype(float) for name in floats})
+        self._surface = Surface.stored(files)
         nodes, faces = self._surface.nodes, self._surface.faces
         first, moving = int(files["q"]), files["moving"]
         if (
