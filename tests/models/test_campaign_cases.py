@@ -13,7 +13,7 @@ from gossamer_models.campaign import (
     Vary,
     draw_cases,
 )
-from gossamer_models.campaign.cases import unit_points
+from gossamer_models.campaign.cases import sensor_errors, unit_points
 from gossamer_models.mistakes import DescriptionError
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -94,6 +94,26 @@ def test_what_varies_in_a_share_of_the_cases_is_constant_in_the_others(sampling)
         Vary(factor=(0.5, 2.0), share=1.5)
 
 
+def test_errors_of_sensors_vary_beside_what_else_does_and_change_nothing_of_it():
+    asked = campaign(400)
+    vary = {**asked.vary, "sensor_error": Vary(range=(0.05, 0.2), share=0.25)}
+    drawn = draw_cases(campaign(400, vary=vary), range(400))
+    assert (everything(drawn) == everything(draw_cases(asked, range(400)))).all()
+    some = drawn.sensor_error[drawn.sensor_error.any(axis=1)]
+    assert len(some) / 400 == pytest.approx(0.25, abs=0.07)
+    assert kstest(some.ravel(), "uniform", (0.05, 0.15)).pvalue > LEAST_P
+
+
+def test_an_error_of_a_sensor_has_its_size_and_is_a_function_of_the_case():
+    strain = np.sin(np.linspace(0.0, 20.0, 300)) * np.array([[[0.1], [0.02]]])
+    errors = sensor_errors(np.array([[0.1, 0.0]]), strain, 3, [7])[0]
+    assert errors[0].std() == pytest.approx(0.1 * 0.2, rel=1e-3)
+    assert not errors[1].any()
+    twice = sensor_errors(np.array([[0.2, 0.1], [0.1, 0.1]]), np.repeat(strain, 2, axis=0), 3, [7, 8])
+    assert twice[0, 0] == pytest.approx(2.0 * errors[0])
+    assert abs(np.corrcoef(twice[:, 0])[0, 1]) < 0.99
+
+
 def test_coarser_cases_are_others_of_the_same_campaign_on_another_mesh():
     plan = campaign(100, coarser=Coarser(order=2, times=3))
     coarse = plan.coarse
@@ -156,6 +176,7 @@ REFUSED = {
     "factor of zero": (lambda: campaign(vary={"pressure": Vary(factor=(0.9, 1.1))}), "is 0, so a factor does not vary it"),
     "noise of nothing": (lambda: campaign(vary={"noise": Vary(range=(0.0, 1.0))}), "there is no noise to vary"),
     "gain below zero": (lambda: campaign(vary={"sensor_gain": Vary(range=(-1.0, 1.0))}), "'sensor_gain' begins below 0"),
+    "factor of no error": (lambda: campaign(vary={"sensor_error": Vary(factor=(0.9, 1.1))}), "Write a range of shares"),
     "both": (lambda: Vary(range=(0.0, 1.0), factor=(1.0, 2.0)), "Write either range"),
     "descending": (lambda: Vary(range=(2.0, 1.0)), r"'range' is \[2, 1\]. .* the lower one first"),
     "negative factor": (lambda: Vary(factor=(-1.0, 1.0)), "factors are positive"),

@@ -11,9 +11,9 @@ from gossamer_models.assessment import PosteriorJudge
 from gossamer_models.assessment.figures import errors, misleading
 from gossamer_models.assessment.judges import Verdicts
 from gossamer_models.batch import Batch
-from gossamer_models.campaign import Distribution
+from gossamer_models.campaign import Distribution, Vary
 from gossamer_models.campaign.symmetry import Symmetry, mirrors
-from gossamer_models.detector import PosteriorArtifact, posterior_model
+from gossamer_models.detector import PosteriorArtifact, posterior_fit, posterior_model
 from gossamer_models.detector.features import block_means, difference_noise, principal_components
 from gossamer_models.detector.networks import ResidualNetwork
 from gossamer_models.detector.posterior import analyse, heads_of, image_signs, judge_records, unexplained
@@ -332,9 +332,10 @@ def test_arrays_that_do_not_fit_are_refused(artifact):
 
 
 @pytest.mark.parametrize(("symmetry", "unit"), [(SQUARE, 1.0), (Symmetry.none(4, 16), 0.02)], ids=["mirrored", "alone"])
-def test_training_knows_what_spoilt_sensors_make_of_a_record(symmetry, unit):
-    """Components and what they leave, from those of each sensor, equal those of the spoilt record."""
-    sensing = Sensing(Distribution(normal=unit * STATED))
+def test_training_knows_what_spoilt_sensors_make_of_a_record(symmetry, unit, monkeypatch):
+    """Components and what they leave, from those of each sensor and of its error, equal those of the spoilt record."""
+    monkeypatch.setattr(posterior_fit, "unit_errors", lambda x, _: 0.7 * x[:, :, ::-1])
+    sensing = Sensing(Distribution(normal=unit * STATED), error=Vary(range=(0.0, 0.2)))
     random = np.random.default_rng(14)
     x = random.normal(size=(300, 4, 20)).astype(np.float32) + np.linspace(0.0, 3.0, 20, dtype=np.float32)
     x -= x.mean(axis=2, keepdims=True)
@@ -343,9 +344,11 @@ def test_training_knows_what_spoilt_sensors_make_of_a_record(symmetry, unit):
     fit = NetworkFit(parts, x, cases, sensing, Training(block=2), symmetry)
     rows, image = random.integers(0, 300, 900), random.integers(0, len(symmetry.sensors), 900)
     gains, sensors = spoilt_sensors(np.ones((900, 4)), random)
-    clean, outside = fit.read(rows, np.take_along_axis(symmetry.sensors[image], sensors, axis=1), gains)
+    errors = np.where(random.random((900, 1)) < 0.5, random.uniform(-0.2, 0.2, (900, 4)), 0.0)
+    clean, outside = fit.read(rows, np.take_along_axis(symmetry.sensors[image], sensors, axis=1), gains, errors)
     images = np.array([x[row, symmetry.sensors[k]] for row, k in zip(rows, image, strict=True)])
-    spoilt = gains[:, :, None] * np.take_along_axis(images, sensors[:, :, None], axis=1)
+    felt = np.take_along_axis(images, sensors[:, :, None], axis=1)
+    spoilt = gains[:, :, None] * felt + 0.7 * errors[:, :, None] * felt[:, :, ::-1]
     assert fit.rest() == pytest.approx(np.sqrt(analyse(parts, x).s2.mean()), rel=1e-3)
     expected = analyse(parts, spoilt)
     assert clean == pytest.approx(expected.c, abs=1e-4)

@@ -41,7 +41,7 @@ TUNED = {
     *("density x 1.05", "everything varied", "dead sensor", "another mesh", "prestrain x 1.05", "modulus x 0.95"),
     *("one gain x 0.95", "late by 1 sample", "a sensor 3 % off its place", "tilted pressure"),
     *("band across zones", "hole in a zone", "healthy, noise", "healthy, whole chain", "other sensors"),
-    "healthy, modulus within 5 %",
+    *("healthy, modulus within 5 %", "sensors off"),
 }
 # Kept out of tuning: nobody looks at these while a judge is made better, nor chooses a number by them.
 HELD_OUT = {
@@ -56,6 +56,7 @@ HELD_OUT = {
         "healthy, clean",
         "pressure with a harmonic",
         "healthy, gain within 5 %",
+        "healthy, sensors off",
     ),
 }
 KNOWN = TUNED | HELD_OUT
@@ -150,6 +151,7 @@ def conditions(plan: campaigns.CampaignPlan, other: campaigns.Mesh | None, cases
         *_mismatches(random),
         Condition("everything varied", "everything", replace(random, vary=everything)),
         Condition("dead sensor", "random", random, read=readings.dead, quick=True),
+        Condition("sensors off", "random", random, read=readings.off, quick=True),
     ]
     if mesh.structure.n_sensors > 1:
         found.append(Condition("swapped sensors", "random", random, read=readings.swapped, quick=True))
@@ -165,6 +167,7 @@ def conditions(plan: campaigns.CampaignPlan, other: campaigns.Mesh | None, cases
     found += [
         Condition("healthy, clean", "healthy", healthy, noisy=False, quick=True),
         Condition("healthy, noise", "healthy", healthy),
+        Condition("healthy, sensors off", "healthy", healthy, read=readings.off, quick=True),
         Condition("healthy, everything varied", "healthy_everything", replace(healthy, vary=everything)),
     ]
     for name in ("modulus", "gain"):

@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from ..arrays import Matrix
+from ..twin.lasting_error import random_errors
 
 Numbers: TypeAlias = NDArray[np.int64]
 Reading: TypeAlias = Callable[[Matrix, Matrix, Numbers], Matrix]  # of strain, noise, (n, s, T), and numbers, (n,)
 GAIN = 0.95
 MEMORY = 0.9  # correlation of neighbouring samples of coloured noise [1]
+MOST_OFF = 0.2  # root mean square of the error of a sensor over the range of its strain [1]
 OUTLIERS, FAR = 0.005, 10.0  # share of samples, and deviations of the noise that they are off
 
 
@@ -51,6 +53,15 @@ def one_gain(strain: Matrix, noise: Matrix, numbers: Numbers) -> Matrix:
     for row, sensor in zip(found, _sensor(numbers, found), strict=True):
         row[sensor] *= GAIN
     return found + noise
+
+
+def off(strain: Matrix, noise: Matrix, numbers: Numbers) -> Matrix:
+    """Let every sensor have an error of its own, of up to ``MOST_OFF``: in shape, dependence on rate, memory and play."""
+    found = strain + noise
+    for row, felt, number in zip(found, strain, numbers, strict=True):
+        random = np.random.default_rng((int(number), 1))
+        row += MOST_OFF * random.random((len(row), 1)) * random_errors(felt, random)
+    return found
 
 
 def off_place(strain: Matrix, noise: Matrix, numbers: Numbers) -> Matrix:

@@ -5,6 +5,7 @@ from .defaults import campaign_of_setup
 from .description import (
     LOAD,
     OF_NO_VARIABLE,
+    SENSOR_ERROR,
     SENSOR_GAIN,
     CampaignPlan,
     Chain,
@@ -29,6 +30,7 @@ __all__ = [
     "LOAD",
     "Mesh",
     "OF_NO_VARIABLE",
+    "SENSOR_ERROR",
     "SENSOR_GAIN",
     "MeasurementNoise",
     "Vary",

@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 
 from ..arrays import Matrix, Vector
 from ..errors import DataError
-from .description import NOISE, SENSOR_GAIN, CampaignPlan, Distribution, Vary
+from ..twin.lasting_error import random_errors
+from .description import NOISE, SENSOR_ERROR, SENSOR_GAIN, CampaignPlan, Distribution, Vary
 
 if TYPE_CHECKING:
     import xarray as xr
 
-_CASES, _STRATA, _NOISE = range(3)  # what random numbers are for
+_CASES, _STRATA, _NOISE, _ERRORS = range(4)  # what random numbers are for
 _BELOW_ONE = np.nextafter(1.0, 0.0)
 _KINDS = {"strain": 0, "resistance": 1}
 
@@ -40,6 +41,8 @@ class Cases:
         Quantities that vary, by name, in the unit of the membrane's table; ``noise`` is a factor [1].
     sensor_gain : ndarray, shape (n, sensors)
         Ratio of a sensor's reading to the right one [1].
+    sensor_error : ndarray, shape (n, sensors)
+        Root mean square of a sensor's own error over the range of what it feels [1].
     onset : ndarray, shape (n,)
         When damage begins [s]; 0: it is there from the start.
     """
@@ -48,6 +51,7 @@ class Cases:
     damage: Matrix
     varied: dict[str, Vector]
     sensor_gain: Matrix
+    sensor_error: Matrix
     onset: Vector
 
 
@@ -78,16 +82,18 @@ def draw_cases(campaign: CampaignPlan, numbers: Sequence[int]) -> Cases:
     .. [2] M. D. McKay, R. J. Beckman, W. J. Conover, Technometrics 21(2), 239-245, 1979, doi:10.2307/1268522.
     """
     vary = dict(sorted(campaign.vary.items()))
-    gain = vary.pop(SENSOR_GAIN, Vary(range=(1.0, 1.0)))
+    gain, error = vary.pop(SENSOR_GAIN, Vary(range=(1.0, 1.0))), vary.pop(SENSOR_ERROR, Vary(range=(0.0, 0.0)))
     zones, sensors = campaign.membrane.structure.n_zones, campaign.membrane.structure.n_sensors
-    u = unit_points(campaign, numbers, 1 + 2 * zones + sensors + len(vary) + 2)
-    count, order, depth, gains, rest, when, own = np.split(u, np.cumsum([1, zones, zones, sensors, len(vary), 1]), axis=1)
+    blocks = [1, zones, zones, sensors, len(vary), 1, 1, sensors, 1]
+    u = np.split(unit_points(campaign, numbers, sum(blocks)), np.cumsum(blocks[:-1]), axis=1)
+    count, order, depth, gains, rest, when, gained, errors, wrong = u
     first, last = campaign.damage.onset
     return Cases(
         numbers=numbers,
         damage=_listed(campaign, numbers) if campaign.damage.cases else _drawn(campaign, count, order, depth),
         varied={name: _spread(v, campaign.base(name), rest[:, i]) for i, (name, v) in enumerate(vary.items())},
-        sensor_gain=np.where(own < gain.share, _spread(replace(gain, share=1.0), 1.0, gains), 1.0),
+        sensor_gain=np.where(gained < gain.share, _spread(replace(gain, share=1.0), 1.0, gains), 1.0),
+        sensor_error=np.where(wrong < error.share, _spread(replace(error, share=1.0), 0.0, errors), 0.0),
         onset=np.maximum(first + (last - first) * when[:, 0], 0.0),
     )
 
@@ -183,8 +189,29 @@ def unit_noise(
     return noise
 
 
+def sensor_errors(level: Matrix, strain: Matrix, seed: int, numbers: Sequence[int]) -> Matrix:
+    """Return the errors of the sensors of some cases along their strain [1], both of shape (n, sensors, T).
+
+    Parameters
+    ----------
+    level : ndarray, shape (n, sensors)
+        ``Cases.sensor_error``.
+    strain : ndarray, shape (n, sensors, T)
+        What they feel [1].
+    seed : int
+        Of the campaign; the errors are a function of it and of the number of the case.
+    numbers : sequence of int, length n
+        Cases.
+    """
+    errors = np.zeros(strain.shape)
+    for error, size, felt, number in zip(errors, level, strain, numbers, strict=True):
+        if size.any():
+            error[:] = size[:, None] * random_errors(felt, generator(seed, _ERRORS, number))
+    return errors
+
+
 def measured_strain(data: xr.Dataset, draw: int = 0) -> xr.DataArray:
-    """Return strain as sensors without hysteresis would read it: gain times strain plus noise.
+    """Return strain as sensors would read it: gain times strain plus the error of the sensor plus noise.
 
     Parameters
     ----------
@@ -199,6 +226,10 @@ def measured_strain(data: xr.Dataset, draw: int = 0) -> xr.DataArray:
         Strain [1].
     """
     read: xr.DataArray = data[SENSOR_GAIN] * data["strain"] + _noise(data, "strain", draw)
+    if SENSOR_ERROR in data:
+        seed, numbers = json.loads(data.attrs["campaign"])["seed"], data["case"].to_numpy().tolist()
+        strain = data["strain"].to_numpy().astype(float)
+        read = read + data["strain"].copy(data=sensor_errors(data[SENSOR_ERROR].to_numpy(), strain, seed, numbers))
     return read.astype(np.float32).rename("measured_strain").transpose(*data["strain"].dims)
 
 

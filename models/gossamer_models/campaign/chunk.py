@@ -18,8 +18,8 @@ from ..compensator import compensator_model
 from ..membrane import membrane_model
 from ..mistakes import Mistake, raise_any
 from ..sensor import SensorArtifact, default_artifact, sensor_model
-from .cases import Cases, draw_cases, unit_noise
-from .description import LOAD, NOISE, ONSET, SENSOR_GAIN, CampaignPlan, Chain
+from .cases import Cases, draw_cases, sensor_errors, unit_noise
+from .description import LOAD, NOISE, ONSET, SENSOR_ERROR, SENSOR_GAIN, CampaignPlan, Chain
 
 FULL_SCALE = "full_scale_resistance_change"
 
@@ -101,7 +101,8 @@ def run_chain(
 
     Notes
     -----
-    The gain of a sensor multiplies its change of resistance; its compensator does not know.
+    The gain of a sensor multiplies its change of resistance, and its error is in the strain that it feels; its compensator
+    knows neither.
     """
     failed: NDArray[np.bool_] = np.asarray(np.isnan(strain).any(axis=(1, 2)))
     own, assumed = (np.broadcast_to(part, strain.shape[:2]) for part in rest)
@@ -111,7 +112,8 @@ def run_chain(
         **kernels.settings.sensor_parameters,
         FULL_SCALE: kernels.full_scale_change * cases.sensor_gain.ravel(),
     }
-    resistance, broken = _run(campaign, kernels.sensor, sensors, "strain", usable)
+    felt = usable + sensor_errors(cases.sensor_error, usable, campaign.seed, cases.numbers)
+    resistance, broken = _run(campaign, kernels.sensor, sensors, "strain", felt)
     failed |= broken
     noise = unit_noise(campaign.noise.resistance, "resistance", (campaign.seed, 0), cases.numbers, strain.shape[1:])
     scale = kernels.full_scale_change * np.reshape(cases.varied.get(NOISE, 1.0), (-1, 1, 1))
@@ -221,6 +223,7 @@ def run_chunk(campaign: CampaignPlan, kernels: Kernels, chunk: int) -> dict[str,
         "damage": cases.damage,
         **({ONSET: cases.onset} if campaign.begins else {}),
         SENSOR_GAIN: cases.sensor_gain,
+        **({SENSOR_ERROR: cases.sensor_error} if SENSOR_ERROR in campaign.vary else {}),
         **cases.varied,
         "failed": failed,
         **({} if kernels.finer is None else {"finer": np.full(len(failed), kernel is kernels.finer)}),

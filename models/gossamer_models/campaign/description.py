@@ -22,9 +22,10 @@ MOST_STEPS = 1_000_000
 MOST_CASES_PER_CHUNK = 4096
 DEEPEST = 0.95  # largest damage that the membrane takes [1]
 SENSOR_GAIN = "sensor_gain"
+SENSOR_ERROR = "sensor_error"
 NOISE = "noise"
 LOAD = "load"
-OF_NO_VARIABLE = (SENSOR_GAIN, NOISE, LOAD)  # factors [1] that can vary
+OF_NO_VARIABLE = {SENSOR_GAIN: 1.0, SENSOR_ERROR: 0.0, NOISE: 1.0, LOAD: 1.0}  # what else varies [1], and its constant value
 ONSET = "onset"
 
 
@@ -226,7 +227,8 @@ class CampaignPlan:
     chunk : int
         Cases of one task and of one file, 64 to 256 are good.
     membrane, damage, vary, noise, chain, coarser
-        See there; ``vary`` takes parameters and constant inputs of the membrane, ``sensor_gain`` and ``noise`` (a factor).
+        See there; ``vary`` takes parameters and constant inputs of the membrane, ``sensor_gain``, ``sensor_error``
+        and ``noise`` (a factor).
 
     Raises
     ------
@@ -290,8 +292,10 @@ class CampaignPlan:
 
     def _vary_mistakes(self, name: str, vary: Vary) -> Iterator[Mistake]:
         if name in OF_NO_VARIABLE:
-            if vary.limits(1.0)[0] < 0.0:
+            if vary.limits(self.base(name))[0] < 0.0:
                 yield Mistake((name,), f"{name!r} begins below 0. Write a range from 0 or a factor.")
+            if name == SENSOR_ERROR and vary.factor is not None:
+                yield Mistake((name,), f"{name!r} is 0, so a factor does not vary it. Write a range of shares [1].")
             if name == NOISE and self.noise == MeasurementNoise():
                 yield Mistake((name,), "there is no noise to vary. Add [noise], or remove it.")
             if name == LOAD and self.membrane.load is None:
@@ -314,7 +318,7 @@ class CampaignPlan:
     def base(self, name: str) -> float:
         """Return the constant value of a quantity that can vary."""
         if name in OF_NO_VARIABLE:
-            return 1.0
+            return OF_NO_VARIABLE[name]
         return self.membrane.base(name)
 
     @property

@@ -27,7 +27,7 @@ from ..compensator.estimator import HALF_WIDTHS
 from ..errors import DataError
 from ..membrane.portable import structure_text
 from .chunk import Kernels
-from .description import LOAD, NOISE, ONSET, SENSOR_GAIN, CampaignPlan
+from .description import LOAD, NOISE, ONSET, SENSOR_ERROR, SENSOR_GAIN, CampaignPlan
 from .symmetry import find_symmetry
 
 if TYPE_CHECKING:
@@ -181,7 +181,7 @@ def create_store(path: Path, campaign: CampaignPlan, kernels: Kernels, source: s
 def _variables(campaign: CampaignPlan) -> dict[str, tuple[tuple[str, ...], str, str, str]]:
     """List the variables of the store: dimensions, type, unit, description."""
     settable = campaign.membrane.settable
-    varied = {
+    varied: dict[str, tuple[tuple[str, ...], str, str, str]] = {
         name: (("case",), "f8", settable[name].unit, settable[name].description)
         for name in sorted(campaign.vary)
         if name in settable
@@ -189,6 +189,9 @@ def _variables(campaign: CampaignPlan) -> dict[str, tuple[tuple[str, ...], str, 
     for name, what in ((NOISE, "noise"), (LOAD, "loads")):
         if name in campaign.vary:
             varied[name] = (("case",), "f8", "1", f"Factor on the {what}")
+    if SENSOR_ERROR in campaign.vary:
+        what = "Root mean square of the error of a sensor over the range of what it feels"
+        varied[SENSOR_ERROR] = (("case", "sensor"), "f8", "1", what)
     if campaign.begins:
         varied[ONSET] = (("case",), "f8", "s", "When damage begins; 0: it is there from the start")
     if campaign.membrane.finer:

@@ -18,11 +18,12 @@ from ..campaign.symmetry import Symmetry
 from . import posterior
 from .features import Components, block_means
 from .networks import Adam, Perceptron, ResidualNetwork, Rows32
-from .posterior_records import Sensing, Training, Windows, coloured_noise, noise_levels
+from .posterior_records import SOME, Sensing, Training, Windows, coloured_noise, noise_levels, unit_errors
 
 BETA = 0.5  # of the weight sd^(2 beta) in the loss of the mean
 FAR = 6.0  # standard deviations beyond which a case pulls no more
 COLOURED_DRAWS = 1024
+ERRORS = 8192  # cases, at most, that have an error of their sensors at hand
 WRONG_GAIN = (0.6, 1.4)  # of a spoilt sensor [1]
 GAIN_SHARE, DEAD_SHARE = 0.5, 0.15  # of the spoilt records; in the others two sensors are swapped
 WARMING = 200  # steps until the rate is full, or a tenth of all
@@ -119,6 +120,11 @@ class NetworkFit:
         Components of the mean.
     energy, overlap : ndarray, shapes (n, s) and (n, s, s)
         Squares of a sensor's block means, and their products with the mean of every sensor, summed over the window.
+    error : ndarray of float32, shape (e, s, K)
+        An error of each sensor, as large as the range of what it feels, along each axis, of the first cases; a draw has some
+        of it, or of its negative.
+    error_energy, error_product, error_overlap : ndarray, shapes (e, s), (e, s) and (e, s, s)
+        Its squares, and its products with the sensor's block means and with the mean of every sensor.
     damage : ndarray of float32, shape (n, z)
         Damage [1].
     noise : tuple of ndarray, shapes (m, K) and (m,)
@@ -141,15 +147,25 @@ class NetworkFit:
         self._shares = np.asarray(parts.modes[parts.sectors.astype(int)].T, np.float32)  # of each sensor in each component
         self.mean = np.sum((parts.mean @ parts.axes) * self._shares, axis=0).astype("f4")
         self.energy, self.overlap = np.einsum("nsm,nsm->ns", x, x, dtype=float), x @ parts.mean.T
+        some = x[: ERRORS if sensing.error.limits(0.0)[1] > 0.0 else 0]
+        off = [unit_errors(some[k : k + SOME], random) for k in range(0, len(some), SOME)]
+        errors = np.concatenate([some[:0], *off])
+        self.error = errors @ parts.axes.astype("f4")
+        self.error_energy, self.error_product = (np.einsum("nsm,nsm->ns", e, errors, dtype=float) for e in (errors, some))
+        self.error_overlap = errors @ parts.mean.T
 
     def draw(self, n: int, spoilt: float) -> Drawn:
         """Draw cases, their images, gain and noise, and in a share of the records a spoilt sensor."""
         random, symmetry, s = self.random, self.symmetry, self.c.shape[1]
         rows, image = random.integers(0, len(self.c), n), random.integers(0, len(symmetry.zones), n)
         gains, sensors = self.sensing.gains((n, s), random), np.tile(np.arange(s), (n, 1))
+        errors = self.sensing.errors((n, s), random) if len(self.error) else np.zeros((n, s))
+        off = errors.any(axis=1)
+        rows[off] %= max(len(self.error), 1)
+        errors *= np.where(random.random((n, 1)) < 0.5, 1.0, -1.0)
         spoil = np.less(random.random(n), spoilt)
         gains[spoil], sensors[spoil] = spoilt_sensors(gains[spoil], random)
-        clean, outside = self.read(rows, np.take_along_axis(symmetry.sensors[image], sensors, axis=1), gains)
+        clean, outside = self.read(rows, np.take_along_axis(symmetry.sensors[image], sensors, axis=1), gains, errors)
         level, coloured = noise_levels(n, random)
         level = (level / np.sqrt(self.training.block)).astype(np.float32)
         noise: Rows32 = random.standard_normal(clean.shape, np.float32)
@@ -162,8 +178,10 @@ class NetworkFit:
         damage = self.damage[rows[:, None], symmetry.zones[image]]
         return Drawn(clean + level[:, None] * noise, clean, s2[:, None], damage)
 
-    def read(self, rows: NDArray[np.int64], sensors: NDArray[np.int64], gains: Vector) -> tuple[Rows32, Vector]:
-        """Return clean components, shape (n, K), and what they leave, shape (n,), as sensors with gains read them.
+    def read(
+        self, rows: NDArray[np.int64], sensors: NDArray[np.int64], gains: Vector, errors: Vector
+    ) -> tuple[Rows32, Vector]:
+        """Return clean components, shape (n, K), and what they leave, shape (n,), as sensors with gains and errors read.
 
         Parameters
         ----------
@@ -171,19 +189,25 @@ class NetworkFit:
             Cases.
         sensors : ndarray of int, shape (n, s)
             Which sensor each input of the detector gets.
-        gains : ndarray, shape (n, s)
-            Gains [1].
+        gains, errors : ndarray, shape (n, s)
+            Gains [1], and sizes of the errors over the range of what the sensor feels [1].
         """
-        rows = rows[:, None]
+        own, rows = np.arange(sensors.shape[1]), rows[:, None]
         clean = np.einsum("ns,nsk,sk->nk", gains.astype(np.float32), self.c[rows, sensors], self._shares) - self.mean
         total = np.sum(gains**2 * self.energy[rows, sensors], axis=1) + np.sum(self.parts.mean**2)
-        total -= 2.0 * np.sum(gains * self.overlap[rows, sensors, np.arange(sensors.shape[1])], axis=1)
+        total -= 2.0 * np.sum(gains * self.overlap[rows, sensors, own], axis=1)
+        off = errors.any(axis=1)
+        at, e, g = (rows[off], sensors[off]), errors[off], gains[off]
+        clean[off] += np.einsum("ns,nsk,sk->nk", e.astype(np.float32), self.error[at], self._shares)
+        total[off] += np.sum(e**2 * self.error_energy[at] + 2.0 * e * g * self.error_product[at], axis=1)
+        total[off] -= 2.0 * np.sum(e * self.error_overlap[(*at, own)], axis=1)
         return clean, np.maximum(total - np.sum(clean.astype(float) ** 2, axis=1), 0.0)
 
     def rest(self) -> float:
         """Return the root mean square of what clean records have outside the components, per degree of freedom."""
         n, s = self.energy.shape
-        _, outside = self.read(np.arange(n), np.tile(np.arange(s), (n, 1)), self.sensing.gains((n, s), self.random))
+        gains = self.sensing.gains((n, s), self.random)
+        _, outside = self.read(np.arange(n), np.tile(np.arange(s), (n, 1)), gains, np.zeros((n, s)))
         return float(np.sqrt(outside.mean() / self.freedom + posterior.FLOOR**2))
 
     def _batches(self, steps: int, spoilt: float) -> Iterator[tuple[float, Drawn, Rows32]]:

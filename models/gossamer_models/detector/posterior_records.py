@@ -1,4 +1,4 @@
-"""What a posterior network is trained with: settings, windows of a campaign, gain and noise.
+"""What a posterior network is trained with: settings, windows of a campaign, gain, noise and errors of sensors.
 
 Symbols: ``n`` cases, ``M`` blocks of a window, ``x`` centred block means [1].
 """
@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from ..arrays import Matrix, Vector
-from ..campaign import SENSOR_GAIN, Distribution, Vary
+from ..campaign import SENSOR_ERROR, SENSOR_GAIN, Distribution, Vary
 from ..errors import DataError
+from ..twin.lasting_error import random_errors
 from .features import block_means
 from .networks import Rows32
 from .posterior_artifact import STATED
@@ -29,6 +30,7 @@ COLOURED = 2e-3  # most of what is not white, as an estimator leaves it
 PER_SENSOR, MOST_COMPONENTS, PER_COMPONENT = 192, 512, 4  # principal components, and cases of each
 USUAL = 0.03  # noise over the swing of the strain [1], of a campaign that states none
 SWINGS = 64  # cases that tell the swing
+SOME = 64  # cases that errors of sensors are drawn for at once
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -176,7 +178,7 @@ def cut_windows(data: xr.Dataset, number: int, samples: int, last: bool, seed: i
 
 @dataclass(frozen=True)
 class Sensing:
-    """Gain and noise that a network is trained over.
+    """Gain, error and noise of sensors that a network is trained over.
 
     Attributes
     ----------
@@ -184,20 +186,27 @@ class Sensing:
         Noise of a sample of strain [1] that the records of a third of the training have about.
     gain : Vary
         How the gain of a sensor varies [1], and in which share of the records.
+    error : Vary
+        How the error of a sensor does: its root mean square over the range of what it feels [1].
     """
 
     noise: Distribution
     gain: Vary = field(default_factory=lambda: Vary(range=(1.0, 1.0)))
+    error: Vary = field(default_factory=lambda: Vary(range=(0.0, 0.0)))
 
     @classmethod
     def of(cls, data: xr.Dataset) -> Sensing:
-        """Read noise and range of the gain from a campaign."""
+        """Read noise and ranges of gain and error from a campaign."""
         campaign = json.loads(data.attrs["campaign"])
-        vary, law = campaign["vary"].get(SENSOR_GAIN) or {"range": (1.0, 1.0)}, campaign["noise"]["strain"]
+        law = campaign["noise"]["strain"]
+        gain, error = (
+            Vary(**(campaign["vary"].get(name) or {"range": (base, base)}))
+            for name, base in ((SENSOR_GAIN, 1.0), (SENSOR_ERROR, 0.0))
+        )
         if law is None:
             some = data["strain"][:SWINGS].to_numpy()
             law = {"normal": USUAL * float(np.nanmax(np.ptp(some[:, :, 1:], axis=2)))}
-        return cls(Distribution(**law), Vary(**vary))
+        return cls(Distribution(**law), gain, error)
 
     @property
     def unit(self) -> float:
@@ -206,15 +215,23 @@ class Sensing:
 
     def gains(self, shape: tuple[int, ...], random: np.random.Generator) -> Matrix:
         """Draw gains [1] of records and their sensors, shape (n, s)."""
-        gains = random.uniform(*self.gain.limits(1.0), shape[:2])
-        return np.where(random.random((shape[0], 1)) < self.gain.share, gains, 1.0)
+        return _drawn(self.gain, 1.0, shape, random)
 
-    def gained(self, x: Rows32, random: np.random.Generator) -> Rows32:
-        """Multiply signals, shape (n, s, samples), by fresh gains."""
-        return x * self.gains(x.shape, random)[:, :, None].astype(np.float32)
+    def errors(self, shape: tuple[int, ...], random: np.random.Generator) -> Matrix:
+        """Draw sizes [1] of the errors of records and their sensors, shape (n, s)."""
+        return _drawn(self.error, 0.0, shape, random)
+
+    def read(self, x: Rows32, random: np.random.Generator) -> Rows32:
+        """Return signals, shape (n, s, samples) [1], as sensors with fresh gains and errors read them."""
+        read = x * self.gains(x.shape, random)[:, :, None].astype(np.float32)
+        size = self.errors(x.shape, random)
+        off = np.flatnonzero(size.any(axis=1))
+        for rows in np.split(off, range(SOME, len(off), SOME)):
+            read[rows] += (size[rows, :, None] * unit_errors(x[rows], random)).astype(np.float32)
+        return read
 
     def samples(self, records: Rows32, random: np.random.Generator, kind: str = "any") -> Matrix:
-        """Add gain and noise to records, shape (n, 4, samples) [1].
+        """Add gain, errors and noise to records, shape (n, 4, samples) [1].
 
         Parameters
         ----------
@@ -225,7 +242,7 @@ class Sensing:
         kind : {"any", "clean", "stated"}
             As in the training; none; or that of the campaign.
         """
-        signal = self.gained(records, random).astype(float)
+        signal = self.read(records, random).astype(float)
         if kind == "stated":
             signal += self.noise.draw(records.shape, random)
         if kind == "any":
@@ -234,6 +251,16 @@ class Sensing:
             noise[coloured] = coloured_noise((int(coloured.sum()), *records.shape[1:]), random)
             signal += self.unit * level[:, None, None] * noise
         return np.asarray(signal)
+
+
+def unit_errors(x: Rows32, random: np.random.Generator) -> Rows32:
+    """Draw errors [1] of sensors along signals, both of shape (n, s, samples), as large as the range of the signal."""
+    return np.asarray(random_errors(x.reshape(-1, x.shape[-1]).astype(float), random).reshape(x.shape), np.float32)
+
+
+def _drawn(vary: Vary, base: float, shape: tuple[int, ...], random: np.random.Generator) -> Matrix:
+    values = random.uniform(*vary.limits(base), shape[:2])
+    return np.where(random.random((shape[0], 1)) < vary.share, values, base)
 
 
 def noise_levels(n: int, random: np.random.Generator) -> tuple[Vector, NDArray[np.bool_]]:

@@ -161,7 +161,7 @@ def _train_window(
     train, calibration, _ = split(cut, t)
     x = records.features_of(train.records, t.block)
     if start is None:
-        parts = principal_components(sensing.gained(x, random), t.components, symmetry, sensing.unit)
+        parts = principal_components(sensing.read(x, random), t.components, symmetry, sensing.unit)
         parts = replace(parts, axes=_half(parts.axes))
         net = ResidualNetwork.random(t.components + 1, t.width, t.layers, HEADS * train.damage.shape[1], random)
     else:
@@ -211,7 +211,7 @@ def calibrate(
     held_out : records.Windows
         Cases that it was not trained on.
     sensing : records.Sensing
-        Gain and noise of the training.
+        Gain, error and noise of the training.
     symmetry : Symmetry
         Images of the structure.
     random : numpy.random.Generator
@@ -231,7 +231,7 @@ def calibrate(
     clean, d = symmetry.images(held_out.records, held_out.damage)
     noisy = sensing.samples(clean, random)
     window = _with_honest_heads(window, analyse(window, block_means(noisy, block)), d)
-    found = analyse(window, block_means(sensing.gained(clean, random), block))
+    found = analyse(window, block_means(sensing.read(clean, random), block))
     left = unexplained(window, found)
     squares, directions = np.linalg.eigh(left.T @ left / len(left))
     window = replace(window, directions=_half(directions), errors=np.sqrt(np.maximum(squares, FLOOR**2)))

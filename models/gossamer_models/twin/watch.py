@@ -23,11 +23,11 @@ from ..sensor import SensorArtifact
 from .calibration import Calibration
 from .evidence import Evidence
 from .forward import Forward, finer_of, forward_of
+from .lasting_error import LastingError
 from .least_squares import MOST_DAMAGE, require_finite
 from .nuisances import BEYOND, FACTORS, GAIN, Loads, Nuisances, possible
 from .onset import JudgedWindow, OnsetProblem, counted_from
 from .record import STILL, still_sensors
-from .sensor_error import LastingError
 from .simulation import Place, SensedForward
 from .weights import RecordWeights, process_like
 from .window import COARSE, DamageOnset, Window
