@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
 from gossamer_files.options import option
 from gossamer_orchestrator.errors import require
+from gossamer_orchestrator.scenario.source import find_scenario, read_text
 from gossamer_orchestrator.words import counted, uncertain
 
 from .arguments import File, Files, Values, assigned, command, several
@@ -20,6 +23,7 @@ from .working import json_file, keep_inputs, progress_bar
 if TYPE_CHECKING:
     import xarray as xr
     from gossamer_files.tables import TableText
+    from gossamer_models.membrane import Setup
     from gossamer_models.twin import Calibration
 
 
@@ -30,7 +34,7 @@ class Calibrated(Saved):
     Attributes
     ----------
     files : list of Path
-        JSON file of the calibration.
+        JSON file of the calibration, or the setup that carries it.
     calibration : gossamer_models.twin.Calibration
         Factors on the numbers of the setup, their covariance, and doubts.
     """
@@ -72,7 +76,8 @@ class Calibrated(Saved):
 
     def hints(self) -> list[str]:
         """Return how to use it."""
-        return [f"Use it: gossamer twin record.csv --calibration {typed(self.path)}"] if self.calibration.valid else []
+        use = "--setup" if self.path.suffix == ".toml" else "--calibration"
+        return [f"Use it: gossamer twin record.csv {use} {typed(self.path)}"] if self.calibration.valid else []
 
     def tables(self) -> list[TableText]:
         """Return a row per number."""
@@ -101,9 +106,10 @@ def calibrate(
 ) -> Calibrated:
     """Calibrate a structure on records of it without damage, all records together.
 
-    Finds what the records decide of thickness, density, Young's modulus, prestress, tension of edges and damping, and says
-    which combinations they do not. Load, clock and sensors are fitted for each record by itself. Tests whether every record
-    is healthy. gossamer twin and gossamer watch take the values, and what is uncertain stays uncertain there.
+    Finds what the records decide of thickness, density, Young's modulus, prestress, tension of edges, damping and gains of
+    gauges, and says which combinations they do not. Load, clock and offsets are fitted for each record by itself. Tests
+    whether every record is healthy. gossamer twin and gossamer watch take the values, and what is uncertain stays uncertain
+    there; a setup that carries them starts every model with them.
 
     Parameters
     ----------
@@ -111,11 +117,11 @@ def calibrate(
         Healthy records: CSV files, or results of runs.
     prior
         How far a number may be off, NAME=VALUE, one standard deviation as a share: thickness=0.05; 0 for what is known. May
-        be repeated.
+        be repeated. By default what the setup says in its table priors.
     mesh_error
         Whether finer elements are simulated too; by default for measured records.
     out
-        JSON file to write.
+        JSON file to write, or a TOML file: the setup with its calibration, which takes its place.
     **options
         Records and structure, see ``TwinOptions``.
 
@@ -132,12 +138,18 @@ def calibrate(
 
         gossamer calibrate first.csv second.csv --setup dish.toml --out dish.json
         gossamer twin later.csv --setup dish.toml --calibration dish.json
+        gossamer calibrate first.csv --setup dish.toml --out known.toml && gossamer twin later.csv --setup known.toml
     """
     from gossamer_files import write_text
     from gossamer_models import twin
 
-    paths, path = [Path(each) for each in several(files)], json_file(out)
-    keep_inputs([*map(file_of, paths), options["sensor"]], [path])
+    paths, setup = [Path(each) for each in several(files)], options["setup"]
+    path = Path(out) if Path(out).suffix == ".toml" else json_file(out)
+    keep_inputs([*map(file_of, paths), options["sensor"], setup], [path])
+    if path.suffix == ".toml":
+        require(
+            setup is not None, f"{path} would be a setup. Name the drawing with {option('setup')}, or write a .json file."
+        )
     require(options["calibration"] is None, f"a calibration begins with the drawing. Leave {option('calibration')} out.")
     with progress_bar("calibrating") as bar:
         bar.update(text="reading,")
@@ -153,5 +165,31 @@ def calibrate(
             **known,
         )
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_text(path, json.dumps(answer.as_json(), indent=1) + "\n")
+    carrying = setup is not None and path.suffix == ".toml" and answer.valid
+    path = path if carrying else path.with_suffix(".json")
+    text = _carrying(find_scenario(str(setup), "membrane"), path, first.structure.setup, answer) if carrying else ""
+    write_text(path, text or json.dumps(answer.as_json(), indent=1) + "\n")
     return Calibrated(files=[path], calibration=answer)
+
+
+def _carrying(source: Path, path: Path, setup: Setup, calibration: Calibration) -> str:
+    """Return the text of a setup, for another file, with a calibration at its end."""
+    text = read_text(source, "setup")
+    first = re.search(r"(?m)^[ \t]*\[\[?[A-Za-z]", text)  # of the tables
+    head, tables = (text[: first.start()], text[first.start() :]) if first else (text, "")
+    known = calibration.known
+    factors = [name for name in setup.scalable if name in (*known.names, *setup.factors)]
+    top = {
+        "mesh": json.dumps(Path(os.path.relpath(source.parent / setup.mesh, path.parent)).as_posix()),
+        **({"factors": json.dumps(factors)} if factors else {}),
+    }
+    for name, value in top.items():
+        line = re.search(rf"(?m)^[ \t]*{name}\s*=[^\n#]*?(?=[ \t]*(?:#|$))", head)
+        start, end = line.span() if line else (len(head), len(head))
+        head = f"{head[:start]}{name} = {value}{head[end:] if line else chr(10)}"
+    rows = {name: json.dumps(getattr(known, name)) for name in ("names", "covariance", "gains", "drawing")}
+    rows["parameters"] = "{ " + ", ".join(f"{json.dumps(k)} = {v!r}" for k, v in known.parameters.items()) + " }"
+    lines = [f"{name} = {value}" for name, value in rows.items()]
+    return "\n".join(
+        [f"{head}{tables}".rstrip(), "", "[calibration]  # by gossamer calibrate, from healthy records", *lines, ""]
+    )

@@ -271,7 +271,7 @@ def _weighs_faults(found: KnownRecord, healthy: ResponseRecord | None, asked: bo
     """Tell whether faults are weighed beside damage."""
     if asked is not None:
         return asked
-    return healthy is None and found.calibration is not None
+    return healthy is None and (found.calibration or found.structure.setup.calibration) is not None
 
 
 def _compared(path: Path, given: ResponseRecord, used: ResponseRecord, stop: float | None) -> str:

@@ -1,6 +1,7 @@
 """Calibration of a structure: numbers from healthy records, what they do not decide, and what a twin makes of it."""
 
 import json
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -39,18 +40,49 @@ def known():
 def test_numbers_of_the_structure_are_found_with_their_deviations(known):
     assert known.valid
     found = dict(zip(known.names, zip(known.factors, known.deviation, strict=True), strict=True))
-    assert known.names == ("damping", "modulus", "density", "prestrain", "thickness")
+    gains = tuple(f"gain[{k}]" for k in range(1, 5))
+    assert known.names == ("damping", "modulus", "density", "prestrain", "thickness", *gains)
     for name, true in (
         ("damping", 1.3),
         ("density", 1.05),
         ("prestrain", 0.00635 / 0.006),
         ("modulus", 1.0),
         ("thickness", 1.0),
+        *((name, 1.0) for name in gains),
     ):
         value, deviation = found[name]
         assert abs(value - true) < 3.5 * deviation
     assert found["damping"][1] < 0.01
     assert found["prestrain"][1] < 0.01
+
+
+def test_gains_of_gauges_are_calibrated_and_the_twin_and_the_watch_know_them():
+    gains = np.array([1.04, 1.0, 0.97, 1.01])[:, None]
+    healthy, damaged = (
+        [replace(each, values=gains * each.values) for each in some]
+        for some in ([record(1.0, seed=1), record(1.05, seed=2)], [record(0.98, zone=6, depth=0.2, seed=3)])
+    )
+    known = calibrate(COARSE, healthy, mesh_error=False)
+    found = known.factors[-4:]
+    assert known.valid
+    assert known.names[-4:] == ("gain[1]", "gain[2]", "gain[3]", "gain[4]")
+    assert found / found.mean() == pytest.approx(
+        gains[:, 0] / gains.mean(), abs=2e-3
+    )  # all of them: with load and prestrain
+    assert (np.abs(found - gains[:, 0]) < 3.5 * known.deviation[-4:]).all()
+    twin = Twin(COARSE, discrepancy=None, calibration=known)
+    answer = twin.fit(damaged[0])
+    assert answer.valid
+    assert answer.damage[5] == pytest.approx(0.2, abs=0.02)
+    assert answer.nuisances["gain[3]"] == pytest.approx((found[2], known.deviation[-2]), abs=2e-3)
+    carried = replace(COARSE, setup=replace(COARSE.setup, calibration=known.known))
+    again = Twin(carried, discrepancy=None, parameters=known.parameters).fit(damaged[0])
+    assert again.damage == pytest.approx(answer.damage, abs=1e-9)
+    watch = Watch(NOISE, COARSE, calibration=known, exact_mesh=True, step=STEP)
+    for part in np.split(gains * record(1.03, seed=4).values[:, :480], 3, axis=1):
+        assert not watch.advance(part).alarm
+    with pytest.raises(ParameterError, match="gains of 4 sensors, and the structure has 1"):
+        Twin(replace(COARSE, setup=replace(COARSE.setup, sensors=COARSE.setup.sensors[:1])), calibration=known)
 
 
 def test_what_acts_in_the_same_way_stays_as_uncertain_as_it_was(known):
@@ -115,7 +147,7 @@ def test_a_calibration_is_read_as_it_was_written(known, tmp_path):
         ([0], {"density": -0.1}, ParameterError, "the prior of 'density' is -0.1"),
         (
             [0],
-            dict.fromkeys(("damping", "modulus", "density", "prestrain", "thickness"), 0.0),
+            dict.fromkeys(("damping", "modulus", "density", "prestrain", "thickness", "gain"), 0.0),
             ParameterError,
             "nothing is left to calibrate",
         ),

@@ -22,7 +22,9 @@ COMPRESSED = 0.1  # share of the area [1] beyond which a law that carries compre
 
 def mesh_variables(setup: Setup, zone_names: tuple[str, ...], n_nodes: int) -> tuple[Variable, ...]:
     """Make the table of a setup on a mesh of some nodes: parameters, inputs, outputs and locals."""
-    return (*_parameters(setup), *_inputs(setup, zone_names), *_outputs(setup), *node_rows(setup, n_nodes), *_locals(setup))
+    known = {} if setup.calibration is None else setup.calibration.parameters
+    own = [replace(row, start=known.get(row.name, row.start)) for row in (*_parameters(setup), *_inputs(setup, zone_names))]
+    return (*own, *_outputs(setup), *node_rows(setup, n_nodes), *_locals(setup))
 
 
 def _parameters(setup: Setup) -> list[Variable]:

@@ -6,8 +6,8 @@ of the mesh.
 
 import math
 from collections import Counter
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 from ..mistakes import Mistake, no_direction, not_finite, outside, raise_any
@@ -271,6 +271,37 @@ class Fault:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Known:
+    """What healthy records told of the membrane, as ``gossamer calibrate`` writes it.
+
+    Attributes
+    ----------
+    names : tuple of str, length k
+        Numbers that were fitted, see ``twin.nuisances``, and gains of all sensors or of none.
+    covariance : tuple of tuple of float, shape (k, k)
+        Of the logarithms of numbers, and of gains.
+    parameters : mapping of str to float
+        Parameters of the model that have these values.
+    gains : tuple of float
+        Readings over right readings of the sensors [1].
+    drawing : str
+        Digest of the drawing that it is of.
+    """
+
+    names: tuple[str, ...]
+    covariance: tuple[tuple[float, ...], ...]
+    parameters: Mapping[str, float] = field(hash=False)
+    drawing: str
+    gains: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        k = len(self.names)
+        if [len(row) for row in self.covariance] != [k] * k:
+            text = f"'covariance' is no table of {k} by {k} numbers, one for each of 'names'. Calibrate again."
+            raise_any([Mistake(("covariance",), text)])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Setup:
     """A membrane on a mesh.
 
@@ -305,6 +336,10 @@ class Setup:
     factors : tuple of str
         Some of ``SCALABLE``: numbers of the setup that a parameter ``<name>_factor`` of the model multiplies, in all
         regions or along all edges.
+    priors : mapping of str to float
+        How far numbers of the setup may be off, one standard deviation as a share [1], by the names that a calibration has.
+    calibration : Known or None
+        See there; the model starts with its values.
 
     Raises
     ------
@@ -332,6 +367,8 @@ class Setup:
     gas: Gas | None = None
     factors: tuple[str, ...] = ()
     faults: tuple[Fault, ...] = ()
+    priors: Mapping[str, float] = field(default_factory=dict, hash=False)
+    calibration: Known | None = None
 
     def __post_init__(self) -> None:
         raise_any([*self._mistakes()])

@@ -1,7 +1,7 @@
 r"""Calibrate a structure on its healthy records: least squares of all records together, without damage.
 
 Symbols: ``s`` factors on numbers of the structure, which all records share; ``x`` these, in units of their priors, then what
-each record has for itself: clock, load, gains and offsets of sensors; ``z`` zones.
+each record has for itself: clock, load, offsets of sensors; ``z`` zones.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from .calibration import Calibration, drawing_of, with_factors
 from .joint import JointProblem
 from .least_squares import Minimum, Point, descend
 from .mesh_error import MeshErrors
-from .nuisances import BEYOND, NUMBERS, SCALES, number_of, scaled_by
+from .nuisances import BEYOND, GAIN, GAINS, NUMBERS, SCALES, number_of, scaled_by
 from .oddities import chi2_bound
 from .record import ResponseRecord
 from .twin import Twin
 
-PRIORS = {name: SCALES[name][1] for name in NUMBERS} | {"modulus": 0.05}  # deviations of logarithms
+PRIORS = {name: SCALES[name][1] for name in NUMBERS} | {"modulus": 0.05, GAINS: GAIN}  # deviations of logarithms, of gains
 ROUNDS = 3  # of simulations on a finer mesh
 UNTOLD = 0.5  # of the prior's variance: a combination of numbers with more left is not decided
 NAMED = 0.3  # share of such a combination that is named
@@ -60,7 +60,7 @@ def calibrate(
         Parameters of the membrane that differ from its start values.
     priors : mapping of str to float
         How far numbers may be off [1], one standard deviation, by their names in ``PRIORS``; 0 for what is known. Of the
-        others that the structure has, the deviations there.
+        others that the structure has, what its setup says, else the deviations there.
     sensor, sensor_parameters
         As of ``Twin``, for records of resistance.
     mesh_error : bool
@@ -81,15 +81,17 @@ def calibrate(
 
     Notes
     -----
-    Bounded least squares without damage: what is a number of the structure is shared, load, clock and sensors are those of
-    each record. Whether a record is healthy is tested by Rao's score of damage in each zone, beside all that was fitted.
+    Bounded least squares without damage: what is a number of the structure or a gain of a gauge is shared; load, clock and
+    offsets are those of each record. Whether a record is healthy is tested by Rao's score of damage in each zone, beside all
+    that was fitted.
     """
     require(records, "a calibration needs a healthy record or more.", DataError)
     structure = structure or square_structure()
+    require(structure.setup.calibration is None, "the setup is calibrated. Begin with the drawing.", ParameterError)
     structure = with_factors(structure, structure.setup.scalable)
-    given = dict(priors or {})
-    if unknown := [name for name in given if name not in NUMBERS]:
-        msg = f"there is no number {unknown[0]!r} to calibrate. Choose from {', '.join(NUMBERS)}."
+    given = {**structure.setup.priors, **(priors or {})}
+    if unknown := [name for name in given if name not in PRIORS]:
+        msg = f"there is no number {unknown[0]!r} to calibrate. Choose from {', '.join(PRIORS)}."
         raise ParameterError(msg)
     if bad := [name for name, value in given.items() if not 0.0 <= value <= 2.0]:
         msg = f"the prior of {bad[0]!r} is {given[bad[0]]:g}. Write a standard deviation as a share, 0.05 for 5 %."
@@ -102,8 +104,9 @@ def calibrate(
     if lacking := [name for name, value in given.items() if value > 0.0 and not there.has(name)]:
         msg = f"the structure has no {lacking[0]!r} to calibrate. Leave its prior out."
         raise ParameterError(msg)
+    numbers = [name for name in PRIORS if name != GAINS or records[0].kind == "strain"]
     names = tuple(
-        part for name in NUMBERS if given.get(name, 1.0) > 0.0 and there.has(name) for part in _parts(name, structure)
+        part for name in numbers if given.get(name, 1.0) > 0.0 and there.has(name) for part in _parts(name, structure)
     )
     require(names, "all numbers of the structure are known: nothing is left to calibrate.", ParameterError)
     prior = np.array([given.get(number_of(name), PRIORS[number_of(name)]) for name in names])
@@ -117,7 +120,7 @@ def calibrate(
         chi2_per_sample=(),
         chi2_bound=(),
     )
-    exact = [name for name in NUMBERS if name not in map(number_of, names)]
+    exact = [name for name in numbers if name not in map(number_of, names)]
     twin = Twin(structure, **known, known=exact, calibration=before)
     with threadpool_limits(1):
         problems = []
@@ -156,6 +159,7 @@ def _told(
         for k, (chi2, bound) in enumerate(zip(per_sample, bounds, strict=True), 1)
         if chi2 > bound
     ]
+    gains = np.array([number_of(name) == GAINS for name in names])
     far = [name for name, at in zip(names, x, strict=True) if abs(at) > NEAR_BOUND * BEYOND]
     bound = f"runs into its bound, {BEYOND:g} deviations of its prior from the setup. Check the setup, or widen the prior"
     doubts += [f"the {name} {bound}" for name in far]
@@ -163,11 +167,12 @@ def _told(
     known = {
         p: twin.numbers[p] * math.exp(log)
         for name, log in zip(names, logs, strict=True)
+        if number_of(name) != GAINS
         for p in scaled_by(name, twin.numbers)
     }
     return replace(
         before,
-        factors=np.exp(logs),
+        factors=np.where(gains, 1.0 + logs, np.exp(logs)),
         covariance=covariance,
         parameters=known,
         chi2_per_sample=tuple(map(float, per_sample)),
@@ -178,10 +183,10 @@ def _told(
 
 
 def _parts(name: str, structure: Structure) -> list[str]:
-    """Return a number of a structure, or one for each region or support where it has several."""
+    """Return a number of a structure, or one for each sensor, region or support where it has several."""
     setup = structure.setup
-    several = {"modulus": len(setup.regions), "support": len(setup.springs)}.get(name, 1)
-    return [name] if several < 2 else [f"{name}[{k}]" for k in range(1, several + 1)]
+    several = {"modulus": len(setup.regions), "support": len(setup.springs), GAINS: structure.n_sensors}.get(name, 1)
+    return [name] if several < 2 and name != GAINS else [f"{name}[{k}]" for k in range(1, several + 1)]
 
 
 def _combinations(names: Sequence[str], C: Matrix) -> list[str]:

@@ -10,12 +10,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Matrix, Vector
 from ..errors import DataError, ParameterError, require
 from ..membrane import Structure, make_structure, square_structure
+from ..membrane.setup import Known
 from .forward import Forward
-from .nuisances import Spread
+from .nuisances import GAINS, Spread, number_of
 
 SCHEMA, VERSION = "gossamer.calibration", 1
 ROWS = ("names", "chi2_per_sample", "chi2_bound", "doubts", "untold")
@@ -29,11 +31,11 @@ class Calibration:
     Attributes
     ----------
     names : tuple of str
-        What was fitted, of ``SCALES``.
+        What was fitted, of ``SCALES``, and gains of the sensors.
     factors : ndarray, shape (s,)
-        Value of each over that of the setup [1].
+        Value of each over that of the setup, and gains [1].
     covariance : ndarray, shape (s, s)
-        Of their logarithms.
+        Of the logarithms of factors, and of gains.
     prior : ndarray, shape (s,)
         Deviations of these beforehand.
     parameters : dict of str to float
@@ -67,12 +69,19 @@ class Calibration:
     @property
     def deviation(self) -> Vector:
         """Standard deviation of each factor [1], shape (s,)."""
-        return np.asarray(self.factors * np.sqrt(np.diag(self.covariance)))
+        return np.asarray(np.where(_are_gains(self.names), 1.0, self.factors) * np.sqrt(np.diag(self.covariance)))
 
     @property
     def spread(self) -> Spread:
         """How well the factors are known."""
-        return Spread(self.names, self.covariance)
+        return _spread(self.known)
+
+    @property
+    def known(self) -> Known:
+        """What a setup carries of it."""
+        covariance = tuple(map(tuple, self.covariance.tolist()))
+        gains = tuple(self.factors[_are_gains(self.names)].tolist())
+        return Known(names=self.names, covariance=covariance, parameters=self.parameters, gains=gains, drawing=self.drawing)
 
     def applied(
         self, structure: Structure | Forward | None, parameters: Mapping[str, float] | None
@@ -89,8 +98,7 @@ class Calibration:
             raise ParameterError(msg)
         require(self.valid, f"the calibration is not valid: {'; '.join(self.doubts)}. Calibrate again.")
         structure = structure or square_structure()
-        text = "the calibration is of a structure that was drawn otherwise, in its material, supports, edges or gas"
-        require(self.drawing in ("", drawing_of(structure)), f"{text}. Calibrate this one.")
+        _check_drawing(self.known, structure)
         return with_factors(structure, self.names), {**self.parameters, **(parameters or {})}
 
     def as_json(self) -> dict[str, Any]:
@@ -119,6 +127,36 @@ class Calibration:
         except (OSError, KeyError, TypeError, ValueError, DataError) as error:
             msg = f"{path} is no calibration: {error}. Make one with 'gossamer calibrate'."
             raise DataError(msg) from error
+
+
+def spread_of(structure: Structure | Forward | None) -> Spread | None:
+    """Return how well the numbers of a structure are known together, if its setup carries a calibration.
+
+    Raises
+    ------
+    ParameterError
+        The calibration is of a structure that was drawn otherwise.
+    """
+    known = structure.setup.calibration if isinstance(structure, Structure) else None
+    if known is None or not isinstance(structure, Structure):
+        return None
+    _check_drawing(known, structure)
+    return _spread(known)
+
+
+def _spread(known: Known) -> Spread:
+    return Spread(known.names, np.array(known.covariance), known.gains)
+
+
+def _are_gains(names: Sequence[str]) -> NDArray[np.bool_]:
+    return np.array([number_of(name) == GAINS for name in names], dtype=bool)
+
+
+def _check_drawing(known: Known, structure: Structure) -> None:
+    text = "the calibration is of a structure that was drawn otherwise, in its material, supports, edges or gas"
+    require(known.drawing in ("", drawing_of(structure)), f"{text}. Calibrate this one.")
+    sensors = f"the calibration has gains of {len(known.gains)} sensors, and the structure has {structure.n_sensors}"
+    require(len(known.gains) in (0, structure.n_sensors), f"{sensors}. Calibrate this one.")
 
 
 def drawing_of(structure: Structure) -> str:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..arrays import Matrix, Rows, Vector
 from .forward import Forward
 from .least_squares import LeastSquares, Point
-from .nuisances import BEYOND, MODULUS, SCALES, number_of, root_of
+from .nuisances import BEYOND, GAINS, MODULUS, SCALES, number_of, root_of
 from .problem import RecordProblem
 from .sensor_error import SensorError
 from .zone_sets import ODDS
@@ -113,7 +113,7 @@ class JointProblem(LeastSquares):
 
     def _mix(self, problem: RecordProblem, places: dict[str, int], matrix: Matrix) -> None:
         """Write how the factors of a record follow from those of all, where these are known together and it lacks some."""
-        there = [name for name in places if number_of(name) in SCALES]
+        there = [name for name in places if number_of(name) in (*SCALES, GAINS)]
         own = [name for name in there if name in problem.nuisances.names]
         if own == there or problem.nuisances.spread is None:
             return

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -44,7 +45,8 @@ GAIN = 0.02  # factor
 CLOCK, SPARE = 5.0, 16  # samples by which a record is late, and that are simulated after its end
 MODULUS = "modulus"
 SENSOR = "sensor"  # the error of sensors that are off their identified model, offset and gain within it
-OF_SENSOR = ("offset", "gain")
+GAINS = "gain"
+OF_SENSOR = ("offset", GAINS)
 BY_DEFAULT = ("clock", *OF_SENSOR, *FACTORS, SENSOR)
 NAMES = (*BY_DEFAULT, "phase", *STRUCTURAL)  # at which a load sets in is known by default
 OF_MOTION = ("clock", "frequency", "damping", "density")
@@ -138,13 +140,22 @@ class Spread:
     Attributes
     ----------
     names : tuple of str
-        Some of ``SCALES``.
+        Some of ``SCALES``, and gains of all sensors or of none, ``gain[1]``, ....
     covariance : ndarray, shape (k, k)
-        Of the logarithms of the factors.
+        Of the logarithms of the factors, and of the gains.
+    gains : tuple of float
+        These gains [1].
     """
 
     names: tuple[str, ...]
     covariance: Matrix
+    gains: tuple[float, ...] = ()
+
+    @property
+    def of_structure(self) -> Spread:
+        """The same without the gains."""
+        at = [k for k, name in enumerate(self.names) if number_of(name) != GAINS]
+        return Spread(tuple(self.names[k] for k in at), self.covariance[np.ix_(at, at)])
 
     def root(self, names: Sequence[str]) -> Matrix:
         """Return the lower triangular root of the covariance of some of them, shape (n, n)."""
@@ -250,14 +261,29 @@ class Nuisances:
     def _factors(self, z: Matrix) -> dict[str, Vector]:
         """Return the factors on parameters and inputs of the structure, shape (m,)."""
         names, root = self._root
-        logs = dict(zip(names, root @ z[:, : len(names)].T, strict=True))
+        f = sum(number_of(name) in SCALES for name in names)
+        logs = dict(zip(names[:f], root[:f, :f] @ z[:, :f].T, strict=True))
         return {parameter: np.exp(log) for name, log in logs.items() for parameter in scaled_by(name, self._scalable)}
 
-    @property
+    @cached_property
     def _root(self) -> tuple[tuple[str, ...], Matrix]:
-        """The factors among the nuisances, which come first, and what turns z of them into their logarithms, (n, n)."""
-        names = tuple(name for name in self.simulated if number_of(name) in SCALES)
+        """Factors, which come first, and gains among the nuisances, and their ``root_of``."""
+        names = tuple(name for name in self.names if number_of(name) in (*SCALES, GAINS))
         return names, root_of(names, self.spread)
+
+    def _of_root(self, z: Matrix) -> Matrix:
+        """Return the columns of factors and gains of rows of z, shape (m, n)."""
+        f, last = sum(number_of(name) in SCALES for name in self._root[0]), self.sensors * (GAINS in self.kinds)
+        return np.hstack([z[:, :f], z[:, z.shape[1] - last :]])
+
+    def _gains(self, z: Matrix) -> Matrix:
+        """Return the gains above 1 of rows of z, shape (m, sensors)."""
+        known = (
+            np.array(self.spread.gains) - 1.0 if self.spread is not None and self.spread.gains else np.zeros(self.sensors)
+        )
+        if GAINS not in self.kinds:
+            return np.tile(known, (len(z), 1))
+        return np.asarray(known + self._of_root(z) @ self._root[1][-self.sensors :].T)
 
     def histories(self, z: Matrix, time: Vector) -> dict[str, Matrix]:
         """Return the loads at the given times [s], shape (n,), or (m, n) where they depend on nuisances.
@@ -293,18 +319,21 @@ class Nuisances:
             rows = zip(np.broadcast_to(y, (len(z), *y.shape[1:])), CLOCK * z[:, at], strict=True)
             y = np.stack([shift(row, (0.0, late), mode="nearest") if late else row for row, late in rows])
             at += 1
-        for kind in ("offset", "gain"):
-            if kind in self.kinds:
-                each = z[:, at : at + self.sensors, None]
-                y = y + (OFFSET * scale * each if kind == "offset" else GAIN * each * (y - zero))
-                at += self.sensors
-        return y
+        if "offset" in self.kinds:
+            y = y + OFFSET * scale * z[:, at : at + self.sensors, None]
+        gains = self._gains(z)
+        return y + gains[:, :, None] * (y - zero) if gains.any() else y
 
     def values(self, z: Vector, deviation: Vector) -> dict[str, tuple[float, float]]:
         """Return value and deviation of each nuisance: factors for load, damping, modulus and gain; else in units."""
         names, root = self._root
-        factors = np.exp(root @ z[: len(names)])
-        spread = factors * np.sqrt(root**2 @ deviation[: len(names)] ** 2)
+        gains, factors = (
+            np.array([number_of(name) == GAINS for name in names], dtype=bool),
+            np.exp(root @ self._of_root(z[None])[0]),
+        )
+        if gains.any():
+            factors[gains] = 1.0 + self._gains(z[None])[0]
+        spread = np.where(gains, 1.0, factors) * np.sqrt(root**2 @ self._of_root(deviation[None])[0] ** 2)
         found = dict(zip(names, zip(factors.tolist(), spread.tolist(), strict=True), strict=True))
         for name, at, sigma in zip(self.names, z.tolist(), deviation.tolist(), strict=True):
             kind = name.partition("[")[0]
@@ -313,8 +342,6 @@ class Nuisances:
             if kind in FACTORS:  # of the loads of the record
                 factor = math.exp(FACTORS[kind][1] * at)
                 found[name] = (factor, factor * FACTORS[kind][1] * sigma)
-            elif kind == "gain":
-                found[name] = (1.0 + GAIN * at, GAIN * sigma)
             else:
                 of_load = name.rpartition("[")[0]
                 unit = {"phase": PHASE, "offset": OFFSET, "clock": CLOCK}.get(kind) or self._deviation(of_load)
@@ -350,8 +377,8 @@ class Nuisances:
 
 
 def root_of(names: Sequence[str], spread: Spread | None) -> Matrix:
-    """Return what turns factors in units of their priors into logarithms, shape (n, n)."""
-    root = np.diag([SCALES[number_of(name)][1] for name in names])
+    """Return what turns factors and gains in units of their priors into logarithms, and gains above 1, shape (n, n)."""
+    root = np.diag([GAIN if number_of(name) == GAINS else SCALES[number_of(name)][1] for name in names])
     if spread is not None:
         known = [name for name in names if name in spread.names]
         at = [names.index(name) for name in known]
@@ -373,7 +400,7 @@ def possible(parameters: Mapping[str, float], loads: Loads, spread: Spread | Non
     found = []
     for name in _possible(parameters, loads):
         names = () if spread is None else spread.names
-        parts = [each for each in names if each != name and number_of(each) == name]
+        parts = [each for each in names if each != name and number_of(each) == name and name in SCALES]
         found += parts or [name]
     return tuple(found)
 

@@ -21,7 +21,7 @@ from ..errors import DataError, ParameterError, require
 from ..membrane import Fault, Structure, square_structure
 from ..sensor import SensorArtifact
 from .answer import Answer, answer_of, untold_zones
-from .calibration import Calibration
+from .calibration import Calibration, spread_of
 from .colour import in_colour, of_noise
 from .correction import corrected
 from .discrepancy import Discrepancy, default_discrepancy, is_learned, is_load_learned
@@ -144,7 +144,7 @@ class Twin:
         Whether a record is compared whole that takes more than 5000 internal steps.
     calibration : Calibration or None
         What healthy records have told of the structure: values of its parameters, unless they are given, and how well they
-        are known.
+        are known; by default what its setup carries.
     faults : sequence of Fault or "known"
         What else may explain a record; known: all of ``known_faults``.
 
@@ -178,7 +178,7 @@ class Twin:
     ) -> None:
         self.nuisances, self.sparse, self._mesh_error, self._whole = tuple(nuisances), sparse, mesh_error, whole
         self.known, self._healthy = tuple(known), None if healthy is None else without_still(healthy)
-        self._spread = None
+        self._spread = spread_of(structure)
         if calibration is not None:
             structure, parameters = calibration.applied(structure, parameters)
             self._spread = calibration.spread
@@ -398,7 +398,8 @@ class Twin:
         model, loads = self._forward, Loads(record.start, record.inputs)
         period = model.period if set(kinds) & set(model.inputs) else math.inf
         known = model.parameters, model.inputs, model.sensors, loads, record.step * record.samples, period
-        return Nuisances(kinds, *known, self._spread)
+        spread = self._spread.of_structure if self._spread is not None and record.kind == "resistance" else self._spread
+        return Nuisances(kinds, *known, spread)
 
     def _may_be_off(self, record: ResponseRecord) -> bool:
         """Tell whether the sensors of a record may be off their model."""

@@ -20,7 +20,7 @@ from ..arrays import Matrix, Rows, Vector
 from ..errors import ConvergenceError, DataError, ParameterError
 from ..membrane import Structure
 from ..sensor import SensorArtifact
-from .calibration import Calibration
+from .calibration import Calibration, spread_of
 from .evidence import Evidence
 from .forward import Forward, finer_of, forward_of
 from .lasting_error import LastingError
@@ -116,6 +116,8 @@ class Watch:
         exact_mesh: bool = False,
         calibration: Calibration | None = None,
     ) -> None:
+        spread = spread_of(structure) if calibration is None else calibration.spread
+        self._gains = np.array(spread.gains if spread is not None and spread.gains and sensor is None else [1.0])[:, None]
         if calibration is not None:
             structure, parameters = calibration.applied(structure, parameters)
         forward = forward_of(structure, parameters)
@@ -133,9 +135,9 @@ class Watch:
         self._damage, self._h = np.broadcast_to(np.asarray(damage, dtype=float), (zones,)).copy(), step
         self._time, self._window, self._false_alarms = 0.0, 0, false_alarms
         self._last = np.zeros((sensors, 0))  # readings as they came
-        spread = None if calibration is None else calibration.spread
         factors = {*FACTORS, *(() if spread is None else spread.names)}
         numbers = {**forward.parameters, **forward.inputs}
+        spread = None if spread is None else spread.of_structure
         kinds = tuple(kind for kind in possible(numbers, Loads(), spread) if kind in factors)
         self._nuisances = Nuisances(kinds, forward.parameters, forward.inputs, sensors, spread=spread)
         self._loads, self._z = tuple[str, ...](), np.zeros(0)
@@ -184,6 +186,7 @@ class Watch:
             )
             raise DataError(msg)
         raw = np.hstack([self._last, y])
+        y /= self._gains
         y[still := still_sensors(raw)[:, -y.shape[1] :]] = np.nan
         y[list(self._faulty)] = np.nan
         known, n = loads or {}, y.shape[1]

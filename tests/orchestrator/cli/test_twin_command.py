@@ -251,8 +251,8 @@ def strip(tmp_path):
     return tmp_path / "strip.toml"
 
 
-def states(path, far, off=0.0):
-    """Write the readings of a strip, whose far zone has lost some stiffness, under three forces.
+def states(path, far, off=0.0, gain=1.0):
+    """Write the readings of a strip, whose far zone has lost some stiffness, under three forces; of its second gauge a gain.
 
     Of St Venant and Kirchhoff: the force of both nodes over the section is E (1 - d) (e + e^2/2) (1 + e).
     """
@@ -260,7 +260,7 @@ def states(path, far, off=0.0):
     for force in (2.0, 4.0, 6.0):
         stretched = [np.roots([0.5, 1.5, 1.0, -2.0 * force / 1e-5 / (1e8 * left)]) for left in (1.0, 1.0 - far)]
         strain = [float(roots[np.abs(roots - 0.05).argmin()].real) + off * force for roots in stretched]
-        rows += [f"{force:g} N,{1e3 * force:g},{strain[0]!r},{strain[1]!r}"] * 2
+        rows += [f"{force:g} N,{1e3 * force:g},{strain[0]!r},{gain * strain[1]!r}"] * 2
     path.write_text("\n".join(["state,pull [mN],strain[1],strain[2]", *rows]))
     return path
 
@@ -275,6 +275,27 @@ def test_what_a_healthy_record_has_beside_the_simulation_is_taken_away(call, str
     assert "the healthy record has other load states" in call(after, *options, "--healthy", before).stderr
     alone = call(after, *options, "--healthy", before, "--no-mesh-error")
     assert "only where the error of the mesh is known. Use it with a setup, and with --mesh-error." in alone.stderr
+
+
+def test_a_setup_carries_its_calibration_and_every_later_twin_knows_it(call, strip, tmp_path):
+    strip.write_text("priors = { gain = 0.1, modulus = 0.0, thickness = 0.0, density = 0.0 }\n" + strip.read_text())
+    healthy, torn = (states(tmp_path / f"{far:g}.csv", far, gain=1.05) for far in (0.0, 0.3))
+    known = tmp_path / "later" / "known.toml"
+    given = ["--setup", str(strip), "--noise", "1e-5", "--no-mesh-error", "--out", str(known)]
+    result = invoke(["calibrate", str(healthy), *given])
+    assert result.exit_code == 0, result.output
+    assert f"gossamer twin record.csv --setup {known}" in " ".join(result.stderr.split())
+    text = known.read_text()
+    assert 'mesh = "../strip.inp"' in text
+    assert "[calibration]" in text
+    result = call(torn, "--setup", known, "--noise", "1e-5", "--known", "amplitude")
+    assert result.exit_code == 0, result.stderr
+    answer = json.loads((tmp_path / "twin.json").read_text())
+    np.testing.assert_allclose(answer["estimate"], [0.0, 0.3], atol=0.02)
+    gains = [answer["nuisances"][f"gain[{k}]"] for k in (1, 2)]
+    assert gains[1][0] / gains[0][0] == pytest.approx(1.05, abs=0.005)  # which of them is right, one load does not tell
+    again = invoke(["calibrate", str(healthy), *given[:1], str(known), *given[2:-1], str(tmp_path / "twice.toml")])
+    assert "the setup is calibrated. Begin with the drawing." in " ".join(again.stderr.split())
 
 
 def test_load_states_of_a_setup_give_damage_by_the_names_of_its_zones(call, strip, tmp_path):
