@@ -77,7 +77,7 @@ def test_records_share_their_faults(twin):
 LENS = {"rim": lambda x, y, z: np.hypot(x, y) > 1.0 - 1e-9}
 
 
-def film(faults=(), stiffness=0.0):
+def film(faults=(), stiffness=0.0, directional=False):
     """A round film over gas, whose rim is held, or drawn by springs in its plane."""
     region = Region(youngs_modulus=1e7, poisson_ratio=0.3, density=1e3, thickness=1e-3, prestress=(2e4, 2e4, 0.0))
     places = [(0.5 * np.cos(a), 0.5 * np.sin(a), 0.0) for a in (0.3, 1.7, 3.9, 5.1)]
@@ -86,9 +86,22 @@ def film(faults=(), stiffness=0.0):
     supports = springs if stiffness else (Support(group="rim"),)
     gas = None if stiffness else Gas(pressure=60.0, ambient=0.0, volume=0.5)
     setup = Setup(
-        regions=(region,), supports=supports, gas=gas, zones=(Zone(rings=1, sectors=(3,)),), sensors=sensors, faults=faults
-    )
+        regions=(region,), supports=supports, gas=gas, zones=(Zone(rings=1, sectors=(3,)),), sensors=sensors, faults=faults,
+        directional=directional,
+    )  # fmt: skip
     return make_structure(setup, surface_mesh(meshed(disc(1.0), 4, points=LENS), 1))
+
+
+def test_a_tear_in_one_direction_is_told_from_one_in_all():
+    """Of a film with two yarns: what is left along one of them, in a zone, against damage of that zone."""
+    structure = film(directional=True)
+    assert sum(each.parameter.startswith("left") for each in known_faults(structure)) == 6
+    faults = [each for each in known_faults(structure) if each.parameter.startswith("left") and "[2]" in each.parameter]
+    known = ("offset", "gain", "amplitude", "modulus", "density")
+    answer = Twin(structure, known=known, faults=faults).fit(states(structure, {"left_across[2]": 0.7}))
+    assert answer.valid
+    assert answer.damage == pytest.approx(0.0, abs=0.01)
+    assert [each.share for each in answer.faults] == pytest.approx([0.0, 0.3], abs=0.01)
 
 
 PRESSURES = {"pressure": np.array([20.0, 60.0, 120.0, 200.0])}

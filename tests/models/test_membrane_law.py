@@ -8,10 +8,24 @@ import casadi as ca
 import numpy as np
 import pytest
 from gossamer_models import ParameterError, Stepper
-from gossamer_models.membrane import membrane_model, square_structure
-from gossamer_models.membrane.law import LAWS, hencky, matrix, neo_hookean, relaxed, st_venant_kirchhoff
+from gossamer_models.membrane import (
+    Edge,
+    Region,
+    Sensor,
+    Setup,
+    Support,
+    Zone,
+    make_structure,
+    membrane_model,
+    square_structure,
+    surface_mesh,
+)
+from gossamer_models.membrane.law import LAWS, hencky, matrix, neo_hookean, relaxed, st_venant_kirchhoff, torn
+from gossamer_models.membrane.setup import LEFT
+from gossamer_models.twin import MembraneForward
 from hypothesis import given
 from hypothesis import strategies as st
+from oracles.meshes import meshed, rectangle
 from scipy.optimize import minimize_scalar
 
 ROOT = Path(__file__).parents[2]
@@ -161,3 +175,42 @@ def test_no_constant_of_the_square_is_left_outside_its_setup():
         for file in (ROOT / folder).rglob("*.py"):
             found = words.search(file.read_text(encoding="utf-8"))
             assert found is None or file.name == "square.py", f"{file.relative_to(ROOT)}: {found}"
+
+
+@given(e1=strains, e2=strains, angle=angles, along=st.floats(0.05, 1.0), across=st.floats(0.05, 1.0))
+def test_a_tear_in_one_direction_divides_the_strain_that_a_stress_causes_along_itself(e1, e2, angle, along, across):
+    e, _ = strained(e1, e2, angle)
+    S = np.array(torn(np.asarray(st_venant_kirchhoff(e, D, NU), dtype=object), along, across, NU), dtype=float)
+    compliance = np.array([[1.0 / along, -NU], [-NU, 1.0 / across]]) / E
+    assert np.diag(e) / 2.0 == pytest.approx(compliance @ np.diag(S), abs=1e-12)
+    assert S[0, 1] == S[1, 0] == pytest.approx(stress(st_venant_kirchhoff, e)[0, 1])
+
+
+def pulled(direction, model=Stepper, **given):
+    """Strain along a pull of 20 N/m, and across it, of a flat strip that is free to contract."""
+    points = {"left": lambda x, y, z: x == 0.0, "all": lambda x, y, z: x > -1.0, "corner": lambda x, y, z: x + y == 0.0}
+    mesh = meshed([rectangle(1.0, 0.5)], 2, points=points, edges={"right": lambda x, y, z: x == 1.0})
+    held = (("left", "x"), ("corner", "xy"), ("all", "z"))
+    setup = Setup(
+        regions=(Region(youngs_modulus=1e7, poisson_ratio=0.3, density=1e3, thickness=1e-4, direction=direction),),
+        supports=tuple(Support(group=group, fixed=fixed) for group, fixed in held),
+        edges=(Edge(group="right", tension=20.0),),
+        sensors=tuple(Sensor(point=(0.5, 0.25, 0.0), direction=axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))),
+        zones=(Zone(),), directional=True,
+    )  # fmt: skip
+    structure = make_structure(setup, surface_mesh(mesh, 1))
+    if model is MembraneForward:
+        return model(structure, given).begin(np.zeros(1), {})[1]
+    stepper = Stepper(membrane_model(structure), **given)
+    stepper.initialize()
+    return np.array([stepper.get("strain[1]"), stepper.get("strain[2]")])
+
+
+@pytest.mark.parametrize(("direction", "lost", "kept"), [((1.0, 0.0, 0.0), *LEFT), ((0.0, 1.0, 0.0), *LEFT[::-1])])
+def test_a_strip_torn_along_its_pull_is_as_soft_as_its_modulus_and_one_torn_across_is_not(direction, lost, kept):
+    whole = pulled(direction)
+    assert pulled(direction, **{f"{kept}[1]": 0.5}) == pytest.approx(whole, rel=1e-6)
+    torn_along = pulled(direction, **{f"{lost}[1]": 0.5})
+    assert torn_along[0] == pytest.approx(pulled(direction, **{"youngs_modulus[1]": 5e6})[0], rel=1e-5)
+    assert torn_along[1] == pytest.approx(whole[1], rel=0.05)  # what it contracts by is that of the same stress
+    assert pulled(direction, MembraneForward, **{f"{lost}[1]": 0.5}) == pytest.approx(torn_along, rel=1e-9)

@@ -24,6 +24,7 @@ from ..variables import Values
 from .element import balance, sum_at, tangents
 from .geometry import stiffest
 from .loops import at_points, element_tangent, encloses, force_loop, limits, own_numbers, swept, tilts, volume_loop
+from .setup import LEFT
 from .structure import Elements, Structure
 
 Shared: TypeAlias = dict[str, ca.MX]
@@ -176,6 +177,10 @@ class MembraneEquations:
         if self.structure.zone_names:
             left = 1.0 - ca.vertcat(u.damage, 0.0)[self.structure.zone.tolist()].T  # the last is that of no zone
         values = {"D": E * left * (t / (1.0 - nu**2)), "nu": nu}
+        for name in LEFT if setup.directional else ():
+            left = getattr(u, name)
+            parts = len(self.structure.zone_names) // left.numel()  # of a zone, where these have damage of their own
+            values[name] = ca.vertcat(left, 1.0)[(self.structure.zone // parts).tolist()].T
         pressure, oscillates = ca.MX(0.0), True
         if self.structure.enclosing.any():
             pressure += on(self.structure.enclosing) * gas
@@ -204,7 +209,8 @@ class MembraneEquations:
     def shared_names(self) -> tuple[str, ...]:
         """Name what elements share: always stiffness [N/m] and pressure [Pa], and what else this setup has.
 
-        Poisson's ratio [1]; twice the eigenstrain [1] along the first local axis, along the second and across; pressure of
+        Poisson's ratio [1]; twice the eigenstrain [1] along the first local axis, along the second and across; shares of the
+        stiffness [1] that are left along both axes; pressure of
         light [Pa], the share that is absorbed and the share that is mirrored, and its direction [1].
         """
         setup, found = self.structure.setup, ["D", "pressure"]
@@ -212,6 +218,8 @@ class MembraneEquations:
             found.append("nu")
         if any(any(r.prestress) or r.thermal_expansion for r in setup.regions):
             found += ["along", "across", "shear"]
+        if setup.directional:
+            found += LEFT
         if any(load.kind == "light" for load in setup.loads):
             found += ["absorbed", "mirrored", "light_x", "light_y", "light_z"]
         return tuple(found)

@@ -25,7 +25,7 @@ from numpy.polynomial import Legendre, legendre
 from numpy.typing import NDArray
 
 from ..arrays import Vector
-from .law import LAWS, Entry, Matrix, Stress, matrix, principal
+from .law import LAWS, Entry, Matrix, Stress, matrix, principal, torn
 
 Operator: TypeAlias = tuple[ca.DM, ...]  # factors, the first one acts first
 COMPRESSION = 4e-7  # of four times the smaller principal stress over E/(1 - nu^2): a strain of 1e-7 matters to no membrane
@@ -149,7 +149,8 @@ def element_points(tangents: Matrix, element: Element, w: Entry, shared: Mapping
     shared : mapping of str to entry
         Each a number or one of every point: ``D``, E/(1 - nu^2) [Pa]; ``nu``; ``pressure`` over thickness [Pa/length]. Of
         some membranes twice the strain [1] that the stress is of beside the geometric one, ``along``, ``across`` and
-        ``shear``: of a prestress, or minus that of heat. And light: its direction [1] ``light_x``, ``light_y``, ``light_z``,
+        ``shear``: of a prestress, or minus that of heat. Shares of the stiffness [1] ``left_along`` and ``left_across``, see
+        ``law.torn``. And light: its direction [1] ``light_x``, ``light_y``, ``light_z``,
         its pressures over thickness [Pa/length], ``absorbed`` and ``mirrored``.
 
     Notes
@@ -175,7 +176,10 @@ def element_points(tangents: Matrix, element: Element, w: Entry, shared: Mapping
     stressed = e
     if "along" in shared:
         stressed = e + matrix([[shared["along"], shared["shear"]], [shared["shear"], shared["across"]]])
-    P = F @ element.stress(stressed, w * element.J * shared["D"], nu) @ element.J_inverse.T
+    S = element.stress(stressed, w * element.J * shared["D"], nu)
+    if "left_along" in shared:
+        S = torn(S, shared["left_along"], shared["left_across"], nu)
+    P = F @ S @ element.J_inverse.T
     normal = np.cross(tangents[:, 0], tangents[:, 1])
     load = [w * shared["pressure"] * component for component in normal]
     if "absorbed" in shared:

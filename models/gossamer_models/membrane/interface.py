@@ -7,7 +7,7 @@ import numpy as np
 
 from ..variables import Variable, input_, local, output, parameter
 from .law import LAWS
-from .setup import SPRINGS, Setup
+from .setup import LEFT, SPRINGS, Setup
 
 BUILT_IN = (
     parameter("mass_damping", "1/s", "Damping force per mass and velocity relative to the base", 20.0, 0.0, 1e4),
@@ -74,6 +74,9 @@ def _inputs(setup: Setup, zone_names: tuple[str, ...]) -> list[Variable]:
         if support.motion:
             text = f"Share of the way that the support {support.group} is moved"
             rows.append(input_(support.motion, "1", text, 1.0, -1e3, 1e3))
+    for name in LEFT if setup.directional else ():
+        text = f"Share of the stiffness {name.partition('_')[2]} the direction of its region that is left in"
+        rows += [input_(f"{name}[{k}]", "1", f"{text} {zone}", 1.0, 0.05, 1.0) for k, zone in enumerate(zone_names, 1)]
     return [*rows, *damage_rows(zone_names)]
 
 

@@ -104,6 +104,21 @@ def neo_hookean(e: Matrix, D: Entry, nu: Entry) -> Matrix:
     return matrix([[along[0], across], [across, along[1]]])
 
 
+def torn(S: Matrix, along: Entry, across: Entry, nu: Entry) -> Matrix:
+    r"""Return the stress of a membrane that keeps shares of its stiffness along its axes, from the stress S of a whole one.
+
+    Notes
+    -----
+    In plane stress the shares :math:`l_1, l_2` divide what strain each stress alone causes along its own axis,
+    :math:`e_1 = (S_1/l_1 - \nu S_2)/E`, as where yarns are cut in one direction; strain across and shear stay. With the
+    strains :math:`e_1 = (S_1 - \nu S_2)/E` that S belongs to this is solved for the new stress.
+    """
+    first, second = S[0, 0] - nu * S[1, 1], S[1, 1] - nu * S[0, 0]
+    scale = 1.0 / (1.0 / (along * across) - nu**2)
+    one, two = scale * (first / across + nu * second), scale * (nu * first + second / along)
+    return matrix([[one, S[0, 1]], [S[1, 0], two]])
+
+
 @dataclass(frozen=True, slots=True)
 class Law:
     """A law of the material.

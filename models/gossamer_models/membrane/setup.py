@@ -14,11 +14,12 @@ from ..mistakes import Mistake, no_direction, not_finite, outside, raise_any
 from .law import LAWS
 from .zones import ZERO, Triple, Zone
 
+LEFT = ("left_along", "left_across")  # inputs: shares of the stiffness of each zone along its region's axes
 # variables that a membrane has beside loads and motions
 RESERVED = {
     *("youngs_modulus", "support_stiffness", "mass_damping", "pressure_amplitude", "pressure_frequency", "pressure_phase"),
     *("base_acceleration", "gas_amount", "temperature", "damage", "strain", "displacement", "gas_pressure", "volume"),
-    *("node", "largest_strain", "displacement_ratio", "compressed_share", "max_step"),
+    *("node", "largest_strain", "displacement_ratio", "compressed_share", "max_step", *LEFT),
 }
 
 
@@ -327,6 +328,8 @@ class Setup:
         Factor on the inertia along the surface [1], at least 1: longer steps for a stiff, thin membrane.
     expose : bool
         Whether the displacement of every node is a variable.
+    directional : bool
+        Whether the share of the stiffness that each zone keeps along ``direction`` of its region, and across, is an input.
     regions, zones, supports, edges, loads, sensors : tuple
         See there; without ``loads`` there is one follower pressure on all faces, ``pressure``.
     gas : Gas or None
@@ -360,6 +363,7 @@ class Setup:
     pressure_frequency: float = 7.9
     inplane_mass: float = 1.0
     expose: bool = False
+    directional: bool = False
     zones: tuple[Zone, ...] = ()
     edges: tuple[Edge, ...] = ()
     loads: tuple[Load, ...] = (Load(name="pressure"),)
@@ -396,6 +400,9 @@ class Setup:
             yield Mistake(("refine",), text)
         if not self.regions:
             yield Mistake(("regions",), "there are no regions. Write [[regions]] with the material of all faces.")
+        if self.directional and not self.zones:
+            text = "shares of the stiffness are those of zones, and there are none. Write [[zones]], or leave it out."
+            yield Mistake(("directional",), text)
         rest = [i for i, r in enumerate(self.regions) if not r.group]
         if len(rest) > 1:
             yield Mistake(("regions", rest[1], "group"), "two regions have no 'group', and only one can take the rest.")

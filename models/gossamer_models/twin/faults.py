@@ -7,7 +7,7 @@ from typing import Literal
 
 from ..errors import ParameterError
 from ..membrane import Fault, Structure
-from ..membrane.setup import SCALABLE, SPRINGS
+from ..membrane.setup import LEFT, SCALABLE, SPRINGS
 from .calibration import with_factors
 from .forward import Forward, MembraneForward
 
@@ -28,6 +28,10 @@ def _usual(structure: Structure) -> Iterator[Fault]:
         yield Fault(name="loss of prestress", parameter="prestress_factor")
     if structure.starts_in_plane:
         yield Fault(name="loss of prestrain", parameter="edge_displacement")
+    if setup.directional:
+        for k, zone in enumerate(structure.zone_names, 1):
+            for name in LEFT:
+                yield Fault(name=f"{zone} torn {name.partition('_')[2]}", parameter=f"{name}[{k}]")
     for k, i in enumerate(setup.springs, 1):
         yield Fault(name=f"loose support {setup.supports[i].group}", parameter=f"{SPRINGS}[{k}]")
     density = "density" if structure.starts_in_plane else "density_factor"
