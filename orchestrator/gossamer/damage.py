@@ -94,15 +94,15 @@ class TwinAnswer(Saved):
             f"record {k}: chi2 per sample {record.chi2_per_sample:.3f}, bound {record.chi2_bound:.3f}"
             for k, record in enumerate(self.answer.records, 1)
         ]
-        return [self._verdict, *fitted, *each, *[self.compared] * bool(self.compared)]
+        return [self._verdict, *fitted, *each, *filter(None, (self.answer.further, self.compared))]
 
     def doubts(self) -> list[str]:
         """Return reasons for doubt."""
         return [f"{text[0].upper()}{text[1:]}." for text in self.answer.doubts]
 
     def more(self) -> list[str]:
-        """Return reasons for doubt, and which part of the record was compared."""
-        return [*self.doubts(), *[self.compared] * bool(self.compared)]
+        """Return reasons for doubt, what would tell explanations apart, and which part of the record was compared."""
+        return [*self.doubts(), *filter(None, (self.answer.further, self.compared))]
 
     def picture(self) -> bytes | None:
         """Draw the damage of the zones, unless it is withheld."""

@@ -92,6 +92,16 @@ def film(faults=(), stiffness=0.0, directional=False):
     return make_structure(setup, surface_mesh(meshed(disc(1.0), 4, points=LENS), 1))
 
 
+PRESSURES = {"pressure": np.array([20.0, 60.0, 120.0, 200.0])}
+
+
+def states(structure, given, damage=(0.0, 0.0, 0.0), noise=1e-5, pressures=PRESSURES):
+    strain = MembraneForward(structure, given).states(np.array([damage]), {}, pressures)[0]
+    values = strain + noise * np.random.default_rng(0).standard_normal(strain.shape)
+    names = tuple("abcd"[: len(pressures["pressure"])])
+    return StaticRecord(step=1.0, values=values, noise=noise, inputs=pressures, names=names, state=np.arange(len(names)))
+
+
 def test_a_tear_in_one_direction_is_told_from_one_in_all():
     """Of a film with two yarns: what is left along one of them, in a zone, against damage of that zone."""
     structure = film(directional=True)
@@ -104,14 +114,23 @@ def test_a_tear_in_one_direction_is_told_from_one_in_all():
     assert [each.share for each in answer.faults] == pytest.approx([0.0, 0.3], abs=0.01)
 
 
-PRESSURES = {"pressure": np.array([20.0, 60.0, 120.0, 200.0])}
-
-
-def states(structure, given, damage=(0.0, 0.0, 0.0), noise=1e-5):
-    strain = MembraneForward(structure, given).states(np.array([damage]), {}, PRESSURES)[0]
-    values = strain + noise * np.random.default_rng(0).standard_normal(strain.shape)
-    names = ("a", "b", "c", "d")
-    return StaticRecord(step=1.0, values=values, noise=noise, inputs=PRESSURES, names=names, state=np.arange(4))
+def test_a_further_record_is_named_that_tells_two_explanations_apart_and_does():
+    """At one pressure, gas that is lost softens a film like a pump that gives less; at twice the pressure it does not."""
+    structure = film((Fault(name="weak pump", parameter="pressure"),))
+    faults = [each for each in known_faults(structure) if each.parameter in ("gas_amount", "pressure")]
+    twin = Twin(structure, known=("offset", "gain", "amplitude", "modulus", "density"), faults=faults)
+    one, two = (
+        twin.fit(states(structure, {"gas_amount": 0.95}, pressures={"pressure": np.array(each)}))
+        for each in ([20.0], [20.0, 40.0])
+    )
+    assert [len(what) for _, what in one.explanations] == [1, 1]
+    assert one.further.startswith(
+        "A record with 2 times the pressure would tell the two likeliest explanations apart: a chi2 of"
+    )
+    assert one.as_json()["further"] == one.further
+    assert two.explanations[0][0] > 0.95
+    assert two.explanations[0][1][0].startswith("loss of gas")
+    assert two.further == ""
 
 
 @pytest.mark.parametrize("damage", [(0.0, 0.0, 0.0), (0.0, 0.2, 0.0)])

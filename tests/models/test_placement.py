@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from gossamer.descriptions import load_structure
 from gossamer_models import ParameterError, membrane
+from gossamer_models.membrane.candidates import ANGLES, candidates
 from gossamer_models.membrane.gauges import gauge, stacked
 from gossamer_models.placement import NOISE, place_sensors, save_picture, sensors_text, write_csv
-from gossamer_models.placement.candidates import ANGLES, candidates
 from gossamer_models.placement.information import THRESHOLD, choose, deviations, information, smallest_damage, weakest
 from gossamer_models.placement.placing import _unseen
 from gossamer_models.twin import LoadTable, MembraneForward

@@ -27,6 +27,7 @@ from .posterior_artifact import HEADS, PosteriorArtifact, PosteriorWindow
 SMALL_CHANCE = 1e-3  # of damage in a zone that is answered with none, or of none in a damaged one, that still counts
 FLOOR = 3e-5  # least noise of a block mean, far below what matters, so that clean records have one too
 SPREAD, SPREADS = 0.017, 3.0  # a network can state standard deviations within e^-3 to e^3 times this [1]
+ALIVE = 0.1  # of the mean square of the mean record of the training, which a sensor that lives reads beside its noise
 Rows = NDArray[Any]  # of single or double precision
 
 
@@ -40,7 +41,8 @@ class DamagePosterior:
     deviation : standard deviation [1], or a third of what bounds the error, if that is more.
     probability : that there is damage [1].
     misfit : distance from the records of the training; 1 is the largest valid one.
-    valid : 1 if the windows are those of the training and misfit is at most 1, else 0. Each zone has its own deviation.
+    valid : 1 if the windows are those of the training, misfit is at most 1 and all sensors live, else 0. Each zone has its
+        own deviation.
     """
 
     damage: ca.MX
@@ -114,7 +116,9 @@ def judge_window(
     other = ca.if_else(ca.fmin(P, 1.0 - P) > SMALL_CHANCE, m / 3.0 + (P < 0.5) * sd, 0.0)
     deviation = ca.fmax(ca.sqrt(P * sd**2 + P * (1.0 - P) * m**2), other)
     misfit = ca.mmax(ratios / ca.DM(window.limits))
-    return DamagePosterior(damage, deviation, P, misfit, known * (misfit <= 1.0)), ratios
+    swing = ca.sum2(x**2) / x.shape[1] - noise**2 / block
+    alive = ca.mmin(swing - ALIVE * np.mean((window.unit[0] * window.mean) ** 2, axis=1)) >= 0.0
+    return DamagePosterior(damage, deviation, P, misfit, known * alive * (misfit <= 1.0)), ratios
 
 
 def residual_network(arrays: Sequence[Matrix], x: ca.MX) -> tuple[ca.MX, ca.MX]:

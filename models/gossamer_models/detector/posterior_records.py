@@ -176,6 +176,9 @@ def cut_windows(data: xr.Dataset, number: int, samples: int, last: bool, seed: i
     return Windows(records[wanted], np.where(there[:, None], damage, 0.0)[wanted])
 
 
+EXACT = Vary(range=(0.0, 0.0))  # no error of a sensor
+
+
 @dataclass(frozen=True)
 class Sensing:
     """Gain, error and noise of sensors that a network is trained over.
@@ -192,7 +195,7 @@ class Sensing:
 
     noise: Distribution
     gain: Vary = field(default_factory=lambda: Vary(range=(1.0, 1.0)))
-    error: Vary = field(default_factory=lambda: Vary(range=(0.0, 0.0)))
+    error: Vary = EXACT
 
     @classmethod
     def of(cls, data: xr.Dataset) -> Sensing:

@@ -123,6 +123,8 @@ def trained_over(campaign: dict[str, Any], sensing: records.Sensing) -> dict[str
     for name, vary in campaign["vary"].items():
         kind = "range" if vary["range"] else "factor"
         ranges[f"{name}, {kind}"] = vary[kind]
+    if campaign["membrane"].get("finer"):
+        ranges["share of cases on finer elements [1]"] = [campaign["membrane"]["finer"]] * 2
     noise = {
         "white noise of a sample [1]": [sensing.unit * records.LEAST_NOISE, sensing.unit * records.MOST_NOISE],
         "coloured noise [1]": [0.0, sensing.unit * records.COLOURED],
@@ -235,7 +237,9 @@ def calibrate(
     left = unexplained(window, found)
     squares, directions = np.linalg.eigh(left.T @ left / len(left))
     window = replace(window, directions=_half(directions), errors=np.sqrt(np.maximum(squares, FLOOR**2)))
-    return replace(window, limits=_limits(records_judged(window, block, noisy)["ratios"]))
+    exact = replace(sensing, error=records.EXACT).samples(clean, random)  # noise alone, no error that seems to be some
+    ratios = [records_judged(window, block, some)["ratios"] for some in (noisy, exact)]
+    return replace(window, limits=_limits(ratios[0], float(ratios[1][:, 3].max())))
 
 
 def _with_honest_heads(window: PosteriorWindow, found: Features, d: Matrix) -> PosteriorWindow:
@@ -265,12 +269,12 @@ def _half(array: Matrix) -> Matrix:
     return np.asarray(array.astype(np.float16), float)
 
 
-def _limits(ratios: Matrix) -> Vector:
-    """Return the limits of ratios, shape (n, 4), which together refuse ``FALSE_REJECTION`` of the records."""
+def _limits(ratios: Matrix, noise: float) -> Vector:
+    """Return limits of ratios, shape (n, 4), that together refuse ``FALSE_REJECTION``; the last from the largest noise."""
     low, high = 0.0, FALSE_REJECTION
     for _ in range(30):  # the share that each may refuse
         each = 0.5 * (low + high)
         limits = np.quantile(ratios[:, :3], 1.0 - each, axis=0)
         together = (ratios[:, :3] > limits).any(axis=1).mean()
         low, high = (each, high) if together < FALSE_REJECTION else (low, each)
-    return np.array([*limits, ROOM * ratios[:, 3].max()])
+    return np.array([*limits, ROOM * noise])

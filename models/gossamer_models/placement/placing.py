@@ -16,12 +16,12 @@ from gossamer_files.options import option
 from ..arrays import Matrix, Vector
 from ..errors import ParameterError, require
 from ..membrane import Sensor, Structure
+from ..membrane.candidates import candidates
 from ..twin.forward import MembraneForward
 from ..twin.groups import UNRESOLVED
 from ..twin.least_squares import PRIOR_DEVIATION
 from ..twin.nuisances import OF_MOTION, Loads, LoadTable, Nuisances, possible
 from ..twin.unknowns import DamageUnknowns
-from .candidates import candidates
 from .check import MonteCarloCheck, check
 from .information import choose, deviations, information, smallest_damage, weakest
 

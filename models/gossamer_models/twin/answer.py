@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Matrix, Rows, Vector
+from .further import further
 from .groups import UNRESOLVED
 from .least_squares import PRIOR_DEVIATION, Point
 from .problem import RecordProblem
@@ -24,7 +25,18 @@ UNLIKELY = 1e-4  # sets of zones whose covariance does not count
 OFF = 0.2  # of the range: no answer is valid where a sensor is further off its model
 OFF_BEHIND = 0.005  # the same where the mesh's error was learned behind sensors that keep to it
 GROWTH = ("growth", "growth_deviation", "growth_probability")
-OF_ZONES = ("damage", "estimate", "deviation", "probability", "covariance", "bounds", *GROWTH, "faults", "explanations")
+OF_ZONES = (
+    "damage",
+    "estimate",
+    "deviation",
+    "probability",
+    "covariance",
+    "bounds",
+    *GROWTH,
+    "faults",
+    "explanations",
+    "further",
+)
 EXPLAINS, EXPLANATIONS = 0.01, 6  # probability of an explanation that is told, and most of them
 
 
@@ -97,6 +109,8 @@ class Answer:
         What the sensors read by this answer, in the unit of the record, without the model error that is allowed for.
     growth, growth_deviation, growth_probability : ndarray, shape (zones,), or None
         Damage since the last inspection [1], its deviation, and how likely there is some; None without an inspection.
+    further : str
+        What would tell the two likeliest explanations apart, a record or a gauge; empty where one of them is likely.
     records : tuple of Answer
         Of several records, what is said of each, with the damages of all; ``record`` and ``predicted`` are of the first.
     """
@@ -127,6 +141,7 @@ class Answer:
     records: tuple[Answer, ...] = ()
     faults: tuple[FaultFound, ...] = ()
     explanations: tuple[tuple[float, tuple[str, ...]], ...] = ()
+    further: str = ""
 
     @property
     def determined(self) -> Rows:
@@ -222,6 +237,7 @@ def answer_of(
         together_with=together_with(fit),
         order=order_of(wiring, fit.problem.model.sensors),
         doubts=(*said, *more_doubts, *more),
+        further=further(fit) if valid and reads and fit.problem.whole < fit.problem.zones else "",
         **of_zones.as_fields(fit),
         **fields,
     )

@@ -28,6 +28,7 @@ FACTORS = {
     "density": ("density", 0.05),  # of all regions together
     "prestrain": ("edge_displacement", 0.05),
 }
+PRESSURE = "pressure"  # input that stands for gas where there is none and it stays
 # Likewise, of structures that are calibrated; of gas, an input.
 STRUCTURAL = {
     "thickness": ("thickness", 0.05),
@@ -256,7 +257,7 @@ class Nuisances:
     @property
     def _scalable(self) -> dict[str, float]:
         """Parameters and inputs that factors multiply, with their values."""
-        return {**self.parameters, **self.inputs}
+        return _staying({**self.parameters, **self.inputs}, self.loads)
 
     def _factors(self, z: Matrix) -> dict[str, Vector]:
         """Return the factors on parameters and inputs of the structure, shape (m,)."""
@@ -407,6 +408,7 @@ def possible(parameters: Mapping[str, float], loads: Loads, spread: Spread | Non
 
 def _possible(parameters: Mapping[str, float], loads: Loads) -> tuple[str, ...]:
     given = any(np.ptp(values) > 0.0 for values in loads.histories.values())
+    parameters = _staying(parameters, loads)
     return tuple(name for name in NAMES if _acts(name, parameters) or (name == "amplitude" and given))
 
 
@@ -414,7 +416,13 @@ def _acts(kind: str, parameters: Mapping[str, float]) -> bool:
     """Tell whether a nuisance acts on some parameter, or on the sensors."""
     if kind in OF_BUILT_IN and not parameters.get("pressure_amplitude", 0.0) > 0.0:
         return False
-    return number_of(kind) not in SCALES or any(parameters[name] > 0.0 for name in scaled_by(kind, parameters))
+    return number_of(kind) not in SCALES or any(parameters[name] for name in scaled_by(kind, parameters))
+
+
+def _staying(numbers: Mapping[str, float], loads: Loads) -> dict[str, float]:
+    """Return numbers without the pressure if that is a load of the record, which has a factor of its own."""
+    changes = np.ptp(loads.histories.get(PRESSURE, np.zeros(1))) > 0.0
+    return {name: value for name, value in numbers.items() if not (name == PRESSURE and changes)}
 
 
 def scaled_by(kind: str, parameters: Mapping[str, float]) -> list[str]:
@@ -422,6 +430,8 @@ def scaled_by(kind: str, parameters: Mapping[str, float]) -> list[str]:
     array, place = SCALES[number_of(kind)][0], kind.partition("[")[2]
     if place:
         return [name for name in parameters if name == f"{array}[{place}"]
+    if kind == "gas" and array not in parameters:
+        return [name for name in parameters if name == PRESSURE]
     return [name for name in parameters if name.partition("[")[0] in (array, f"{array}_factor")]
 
 

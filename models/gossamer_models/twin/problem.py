@@ -19,7 +19,7 @@ from ..arrays import Matrix, Rows, Vector
 from .discrepancy import Discrepancy, spline_matrix
 from .forward import Forward
 from .least_squares import PRIOR_DEVIATION, LeastSquares, Point, neighbours, require_finite
-from .nuisances import MODULUS, SENSOR, SPARE, Nuisances
+from .nuisances import MODULUS, SENSOR, SPARE, Loads, Nuisances
 from .record import ResponseRecord, StaticRecord
 from .sensor_error import SensorError
 from .simulation import SensedForward
@@ -142,6 +142,10 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         more = require_finite(other._strain(rows) - own._strain(rows))
         added = Added(more[0], point.x, moving, (more[1:] - more[0]) / steps[:, None, None])
         return self._with(added=added, components=self._of_record(components), _known={})
+
+    def under_loads(self, loads: Loads) -> RecordProblem:
+        """Return the problem of a record under other loads, of the same length and noise."""
+        return self._with(nuisances=replace(self.nuisances, loads=loads), added=None, _known={})
 
     def averaged(self, other: RecordProblem) -> RecordProblem:
         """Return the problem with the mean of what a finer mesh adds by the unknowns of another one about the same point."""

@@ -54,7 +54,9 @@ def twin_page(names: Sequence[str], answer: Answer, compared: str, *, shown: boo
         not_used = f" What it says, not to be used: {said}." if shown else " The damage of the zones is withheld."
         sentence = f"Not valid.{not_used}"
     explained = "within" if answer.chi2_per_sample <= answer.chi2_bound else "ABOVE"
-    more = [f"{doubt[0].upper()}{doubt[1:]}." for doubt in answer.doubts] + [compared] * bool(compared)
+    more = [f"{doubt[0].upper()}{doubt[1:]}." for doubt in answer.doubts] + [
+        *filter(None, (answer.further * shown, compared))
+    ]
     more.append(
         f"Chi2 per sample, the mean square of what the twin leaves unexplained over that of the noise, is "
         f"{answer.chi2_per_sample:.3f}, {explained} its bound of {answer.chi2_bound:.3f}, which a right model passes in "

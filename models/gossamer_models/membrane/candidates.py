@@ -10,8 +10,9 @@ from gossamer_files.options import option
 
 from ..arrays import Matrix, Vector
 from ..errors import ParameterError
-from ..membrane import Sensor, Structure
-from ..membrane.gauges import Gauges, gauge, shape_functions, stacked
+from .gauges import Gauges, gauge, shape_functions, stacked
+from .setup import Sensor
+from .structure import Structure
 
 ANGLES = (0.0, 90.0, 45.0, -45.0)  # [degrees] from the first axis
 _PLACES = {
