@@ -35,6 +35,7 @@ from .inspections import Inspections as Inspections
 from .inspections import inspect as inspect
 from .placement import SensorPlacement as SensorPlacement
 from .placement import place_sensors as place_sensors
+from .recalibrating import Recalibration as Recalibration
 from .runs import Run as Run
 from .runs import demo as demo
 from .runs import load as load

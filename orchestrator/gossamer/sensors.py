@@ -11,10 +11,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack, cast
 
 from gossamer_files.options import option
-from gossamer_orchestrator.errors import OrchestratorError
+from gossamer_orchestrator.errors import OrchestratorError, require
 
 from .arguments import Budget, File, Files, Form, Name, Numbers, call_of, command, several
 from .options import ColumnOptions, FitOptions
+from .recalibrating import Recalibration, recalibrated_from
 from .records import histories, tell_recognised
 from .results import Saved, first_of
 from .working import TERMINAL, json_file, keep_inputs, progress_bar, save_page
@@ -151,12 +152,15 @@ def identify(
     rest_resistance: float | None = None,
     weights: Numbers | None = None,
     own_scales: bool = False,
+    from_twin: bool = False,
+    sensor: File | None = None,
+    setup: File | None = None,
     origin: str = "not stated",
     pictures: bool = True,
     format: Form = "png",
     **options: Unpack[FitOptions],
-) -> Identification:
-    """Identify a sensor from measured strain and resistance.
+) -> Identification | Recalibration:
+    """Identify a sensor from measured strain and resistance; or in flight, the sensors of a record that a twin explains.
 
     Says first what it read: columns, units, ranges, sampling, gaps, repairs. Writes the artifact, predicted and recovered
     values as CSV, pictures, and report.html, the page to look at.
@@ -191,6 +195,14 @@ def identify(
         Of each record's squared errors: 1,0.5 for two files; 1 if not given.
     own_scales
         Each record has its own offset and gain: re-mounted, another temperature, drift.
+    from_twin
+        The file is a record of resistance in flight, as gossamer twin takes it. Where the twin explains it, its strain is
+        the reference, and each sensor is identified again from its own resistance: an artifact for each in the folder of
+        out. Beyond the strain of the record the tables stay the old ones.
+    sensor
+        With from_twin: artifact of the sensors as they were taken to be; the shipped one by default.
+    setup
+        With from_twin: setup of the membrane; by default the square, or that of the run.
     origin
         Where the data come from, for the provenance.
     pictures
@@ -203,7 +215,7 @@ def identify(
 
     Returns
     -------
-    Identification
+    Identification or Recalibration
         Artifact, errors and records; a path of the artifact; displayed in a notebook.
 
     Examples
@@ -219,8 +231,20 @@ def identify(
         gossamer build sensor compensator --artifact sensor.json
 
         gossamer identify measurements.csv --model fractional-sub-model-1 --terms 3 --out sensor.json
+
+        gossamer identify --from-twin flight.csv --sensor old.json --out sensors
     """
     given = {name: value for name, value in locals().items() if name != "options"} | dict(options)
+    if from_twin:
+        fixed = {"model": model, "budget": budget, "weights": weights, "full_scale": full_scale, **options}
+        if named := [name for name, value in fixed.items() if value not in (None, False)]:
+            msg = (
+                f"{option(named[0])} is not for {option('from_twin')}, which keeps to the old sensor's model. Leave it out."
+            )
+            raise OrchestratorError(msg)
+        return recalibrated_from(files, Path(out).with_suffix(""), sensor, setup)
+    for name, value in (("sensor", sensor), ("setup", setup)):
+        require(value is None, f"{option(name)} is for {option('from_twin')}. Leave it out.")
     from gossamer_models.automatic import BUDGET
     from gossamer_models.fitting import Columns
     from gossamer_models.identify import AUTO, identify_files, save_pictures, save_predictions, settings_for

@@ -10,6 +10,7 @@ from .inspecting import Earlier, inspect
 from .mesh_error import MeshErrors
 from .nuisances import Loads, LoadTable, Nuisances
 from .reading import make_record, read_arriving, read_loads, read_table
+from .recalibration import Recalibrated, recalibrate
 from .record import ResponseRecord, StaticRecord
 from .twin import Twin
 from .watch import Watch
@@ -27,6 +28,7 @@ __all__ = [
     "MembraneForward",
     "MeshErrors",
     "Nuisances",
+    "Recalibrated",
     "ResponseRecord",
     "StaticRecord",
     "Twin",
@@ -39,4 +41,5 @@ __all__ = [
     "read_arriving",
     "read_loads",
     "read_table",
+    "recalibrate",
 ]

@@ -107,6 +107,8 @@ class Answer:
         What was fitted: the samples that were compared, of the sensors in ``order`` that were not left out.
     predicted : ndarray, shape (sensors, n)
         What the sensors read by this answer, in the unit of the record, without the model error that is allowed for.
+    strain : ndarray, shape (sensors, n)
+        What they feel by this answer [1], at the samples of the record.
     growth, growth_deviation, growth_probability : ndarray, shape (zones,), or None
         Damage since the last inspection [1], its deviation, and how likely there is some; None without an inspection.
     further : str
@@ -135,6 +137,7 @@ class Answer:
     simulations: int = 0
     record: ResponseRecord
     predicted: Matrix
+    strain: Matrix
     growth: Vector | None = None
     growth_deviation: Vector | None = None
     growth_probability: Vector | None = None
@@ -174,7 +177,7 @@ class Answer:
             Whether the zones of an answer that is not valid are shown.
         """
         shown = self.valid or show_invalid
-        left_out = ("record", "predicted", "records", *(() if shown else OF_ZONES))
+        left_out = ("record", "predicted", "strain", "records", *(() if shown else OF_ZONES))
         found = {
             name: value.tolist() if isinstance(value := getattr(self, name), np.ndarray) else value
             for name in (*self.__dataclass_fields__, "determined", "bounds")
@@ -348,6 +351,7 @@ def of_record(problem: RecordProblem, point: Point, deviation: Vector) -> tuple[
         "simulations": problem.simulations,
         "record": problem.record,
         "predicted": reading,
+        "strain": problem.felt(point),
     }
     return fields, said, max((share or 0.0 for share in shares), default=0.0) <= most
 

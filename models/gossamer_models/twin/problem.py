@@ -288,6 +288,14 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         """Return what the sensors read at a point, shape (s, n), in the unit of the record."""
         return np.asarray(self._read(point.predicted[None], self.z(point.x[None]))[0])
 
+    def felt(self, point: Point) -> Matrix:
+        """Return the strain [1] of the sensors at a point, shape (s, n), as late as the record is."""
+        z = self.z(point.x[None])
+        exact = replace(self.nuisances, kinds=tuple(kind for kind in self.nuisances.kinds if kind == "clock"), spread=None)
+        late = z[:, [name == "clock" for name in self.nuisances.names]]
+        strain = exact.read(self._simulated(point.x[None])[0], self._zero, self._scale, late)
+        return np.asarray(strain[0, :, : self.record.samples])
+
     def weigh_columns(self, columns: Matrix, x: Vector) -> Matrix:
         """Weigh small changes of the strain [1] about unknowns, shape (k, s, n), shape (k, values)."""
         return self._weights.weigh(self.columns_as_read(SMALL * columns, x) / SMALL)

@@ -221,7 +221,7 @@ def _features(bank: SensorBank, strain: Matrix, resistance: Matrix, h: float) ->
         **lasting_features(u, v / max(np.abs(v).max(), TINY), np.geomspace(10.0, max(20.0, n / 3.0), MEMORIES))[0],
         "drift": [spline * power for spline in slow for power in powers],
         "rest": np.broadcast_to(fast, (len(fast), *u.shape)),
-        "tables": _of_tables(bank, strain),
+        "tables": table_features(bank, strain),
     }
     sized = {name: np.asarray(each) for name, each in found.items()}
     for name, each in sized.items():
@@ -229,16 +229,22 @@ def _features(bank: SensorBank, strain: Matrix, resistance: Matrix, h: float) ->
     return {"offset": np.broadcast_to(rise, (1, *u.shape)), **sized}
 
 
-def _of_tables(bank: SensorBank, strain: Matrix) -> Matrix:
+def fields_of(N: int, knots: int) -> Matrix:
+    """Return smooth fields on the cells of a table of N lines, shape (cells, fields): products of hats, whose sum is 1."""
+    hats = np.clip(1.0 - np.abs((np.arange(N)[:, None] + 0.5) / N * (knots - 1) - np.arange(knots)), 0.0, 1.0)
+    i, k = np.triu_indices(N)
+    return np.asarray((hats[k][:, :, None] * hats[i][:, None]).reshape(len(i), -1))
+
+
+def table_features(bank: SensorBank, strain: Matrix, knots: int = KNOTS) -> Matrix:
     """Return what relative changes of the tables, smooth fields, add to the output along strain, shape (2 fields, s, n)."""
     N = bank.artifact.n_lines
     full, rest = (bank.parameters[name] for name in ("full_scale_strain", "rest_strain"))
-    hats = np.clip(1.0 - np.abs((np.arange(N)[:, None] + 0.5) / N * (KNOTS - 1) - np.arange(KNOTS)), 0.0, 1.0)
     i, k = np.triu_indices(N)
-    fields = (hats[k][:, :, None] * hats[i][:, None]).reshape(len(i), -1)
-    weights = [table[i, k][:, None] * fields for table in bank.artifact.tables()]
+    fields = fields_of(N, knots)
+    up, down = (table[i, k][:, None] * fields for table in bank.artifact.tables())
     found = []
     for each in np.clip(np.column_stack([rest, strain]) / full[:, None], 0.0, 1.0):  # from rest
-        moved = zip(switched(each, N), weights, strict=True)
-        found.append(np.hstack([lengths[1:] @ weight for lengths, weight in moved]).T)
+        risen, fallen = switched(each, N)
+        found.append(np.hstack([risen[1:] @ up, -fallen[1:] @ down]).T)
     return np.stack(found, axis=1)

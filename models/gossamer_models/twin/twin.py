@@ -57,7 +57,7 @@ from .record import (
 )
 from .search import Fit, again, begun, elsewhere, ended, from_priors, in_groups, misfit, search, side_by_side
 from .second_look import Parted, parted
-from .simulation import SensedForward
+from .simulation import SensedForward, SensorBank
 from .unknowns import DamageUnknowns
 
 EARLY = (0.6, 2.0)  # first periods of the first stages: early, chi2 has one valley; over two periods it has several
@@ -216,6 +216,11 @@ class Twin:
     def sensors(self) -> int:
         """Number of sensors."""
         return self._forward.sensors
+
+    @property
+    def bank(self) -> SensorBank:
+        """The sensors of records of resistance; raises ``ParameterError`` if there are none."""
+        return self._sensed.require_bank()
 
     def has(self, name: str) -> bool:
         """Tell whether the membrane has something that a nuisance acts on."""

@@ -1,0 +1,130 @@
+"""Sensors identified again in flight, without a gauge: a twin that explains the record knows what they felt."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gossamer_orchestrator.errors import require
+from gossamer_orchestrator.words import counted
+
+from .arguments import AnyPath, File, several
+from .options import TwinOptions
+from .records import file_of, find_record
+from .results import Saved
+from .working import keep_inputs, progress_bar
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from gossamer_files.tables import TableText
+    from gossamer_models.twin.recalibration import Recalibrated
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Recalibration(Saved):
+    """Sensors that were identified again.
+
+    Attributes
+    ----------
+    files : list of Path
+        An artifact for each.
+    sensors : dict of int to gossamer_models.twin.recalibration.Recalibrated
+        By number, from 1.
+    """
+
+    sensors: dict[int, Recalibrated]
+
+    @property
+    def data(self) -> xr.Dataset:
+        """By ``sensor``: how far it was off its model ``before`` and ``after``, ``deviation`` of recovered strain [1]."""
+        import xarray as xr
+
+        found, ratio = self.sensors.values(), {"units": "1"}
+        columns = {name: [getattr(each, name) for each in found] for name in ("before", "after", "deviation", "covered")}
+        table: dict[str, Any] = {name: ("sensor", values, ratio) for name, values in columns.items()}
+        return xr.Dataset(table, {"sensor": list(self.sensors)})
+
+    @property
+    def sentence(self) -> str:
+        """How many, and how far they were off."""
+        worst = max(self.sensors.values(), key=lambda each: each.before)
+        off = f"off by up to {100.0 * worst.before:.3g} % of their range, now {100.0 * worst.after:.3g} %"
+        return f"Identified {counted(len(self.sensors), 'sensor')} again, from the strain of the twin: {off}."
+
+    def doubts(self) -> list[str]:
+        """Say where tables are those of the old sensor."""
+        return [
+            f"Sensor {k} felt {each.strain[0]:.4g} to {each.strain[1]:.4g} of strain, {100.0 * each.covered:.0f} % of its "
+            "full scale; beyond that its tables are the old ones."
+            for k, each in self.sensors.items()
+            if each.covered < 1.0
+        ]
+
+    def tables(self) -> list[TableText]:
+        """Return a row per sensor."""
+        from gossamer_files.tables import TableText
+
+        rows = [
+            (
+                str(k),
+                *(f"{100.0 * value:.3g} %" for value in (each.before, each.after)),
+                f"{each.deviation:.2g}",
+                f"{each.strain[0]:.4g} to {each.strain[1]:.4g}",
+            )
+            for k, each in self.sensors.items()
+        ]
+        head = ("sensor", "old model off", "new model off", "deviation of recovered strain [1]", "strain [1]")
+        return [TableText(head, rows, "Off what the sensor reads, beside an offset, rms over its range")]
+
+    def hints(self) -> list[str]:
+        """Return how to build one."""
+        return [f"Build one: gossamer build sensor compensator --artifact {self.path}"]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the figures."""
+        names = ("before", "after", "deviation", "strain", "covered")
+        found = [{"sensor": k, **{name: getattr(each, name) for name in names}} for k, each in self.sensors.items()]
+        return {"files": self.files, "sensors": found}
+
+
+def recalibrated_from(
+    record: AnyPath | Sequence[AnyPath], out: Path, sensor: File | None, setup: File | None
+) -> Recalibration:
+    """Identify the sensors of a record again, see ``identify``.
+
+    Raises
+    ------
+    OrchestratorError, DataError
+        There are several records, or the twin does not explain this one.
+    """
+    from gossamer_models.twin import MeshErrors, Twin, recalibrate
+
+    paths = [Path(each) for each in several(record)]
+    require(len(paths) == 1, f"a twin explains one record at a time, not {len(paths)}. Name one.")
+    options = TwinOptions(
+        kind="resistance", noise=None, setup=setup, begins=None, set=None, sensor=sensor, elements_per_side=4, order=4
+    )
+    keep_inputs([file_of(paths[0]), sensor, setup], [out])
+    with progress_bar("identify") as bar:
+        bar.update(text="reading,")
+        found = find_record(paths[0], options)
+        errors = None
+        if setup is not None and not found.of_run and not found.structure.starts_in_plane:
+            errors = MeshErrors(found.structure, found.parameters)
+        known = found.twin(sensor)
+        twin = Twin(**known, mesh_error=errors, nuisances=("sensor",) if found.of_run else ())
+        answer = twin.fit(
+            found.record, lambda seconds, made: bar.update(text=f"twin: {seconds:.3g} s of the record, {made} simulations,")
+        )
+        why = ". ".join(answer.doubts)
+        require(answer.valid, f"the twin does not explain the record, so its strain is no reference: {why}")
+        again = recalibrate(answer, twin.bank, paths[0].name)
+    files = []
+    for k, each in again.items():
+        path = out / f"sensor_{k}.json"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        each.artifact.write(path)
+        files.append(path)
+    return Recalibration(files=files, sensors=again)
