@@ -1,9 +1,9 @@
 """Sensors identified again in flight: what they recover of a later flight, before and after.
 
-``python -m studies.recalibration`` from the folder ``docs`` prints a line for each sensor: of a record that the own mesh of a twin
-has made, and of one of order 8 for the default twin. Tables and relaxation of each sensor differ by random fields, other than
-those that are fitted; two damaged zones that nobody knows, noise 0.1 % of the range, 0.3 s. The later flight has 0.8 times the
-pressure and another frequency, and no noise.
+``python -m studies.recalibration`` from the folder ``docs`` prints a line for each sensor: of a record that the twin's own
+mesh has made, and of one of order 8 for the default twin. Tables and relaxation of each sensor differ by random fields, not
+those that are fitted; two damaged zones that nobody knows, noise 0.1 % of the range, 0.3 s. The later flight has 0.8 times
+the pressure and another frequency, and no noise.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ SIZES = (0.25, 0.02, 0.12, 0.1)  # of the fields [1]
 DAMAGE = 0.3 * np.eye(16)[5:6] + 0.15 * np.eye(16)[10:11]
 LATER = {"pressure_amplitude": 0.8e4, "pressure_frequency": 9.5}
 NOISE = 1e-3  # of the mean range
+SCALES = ("full_scale_strain", "full_scale_resistance_change", "rest_resistance")
 
 
 def recovered(artifact: SensorArtifact, given: dict[str, float], resistance: Array) -> Array:
@@ -55,23 +56,21 @@ def main() -> None:
         begun = time.process_time()
         answer = twin.fit(ResponseRecord(step=STEP, values=values, kind="resistance", noise=noise))
         fitted = time.process_time() - begun
-        off = (
-            100.0
-            * np.sqrt(np.mean((answer.strain - first[:, : answer.strain.shape[1]]) ** 2, axis=1))
-            / np.ptp(first, axis=1)
+        off = np.sqrt(np.mean((answer.strain - first[:, : answer.strain.shape[1]]) ** 2, axis=1)) / np.ptp(first, axis=1)
+        wrong, felt = 100.0 * np.abs(answer.damage - DAMAGE[0]).max(), ", ".join(f"{100.0 * each:.3f}" for each in off)
+        print(
+            f"{what}: valid {answer.valid}, damage off by {wrong:.2f} %, strain of the twin by {felt} % of range", flush=True
         )
-        print(f"{what}: valid {answer.valid}, damage off by {100.0 * np.abs(answer.damage - DAMAGE[0]).max():.2f} %, strain of the "
-              f"twin by {', '.join(f'{each:.3f}' for each in off)} % of range; {fitted:.0f} s of CPU", flush=True)  # fmt: skip
+        print(f"{fitted:.0f} s of CPU", flush=True)
         for k, each in recalibrate(answer, twin.bank).items():
             span, rest = float(np.ptp(later[k - 1])), {"rest_strain": float(old["rest_strain"][k - 1])}
-            known = {name: float(value[k - 1]) for name, value in old.items()}
-            known = {name: known[name] for name in ("full_scale_strain", "full_scale_resistance_change", "rest_resistance")}
+            known = {name: float(old[name][k - 1]) for name in SCALES}
             before, after = (
-                100.0 * float(np.sqrt(np.mean((recovered(artifact, given, flown[k - 1]) - later[k - 1]) ** 2))) / span
-                for artifact, given in ((default_artifact(), rest | known), (each.artifact, rest))
+                100.0 * float(np.sqrt(np.mean((recovered(*one, flown[k - 1]) - later[k - 1]) ** 2))) / span
+                for one in ((default_artifact(), rest | known), (each.artifact, rest))
             )
-            print(f"  sensor {k}, {100.0 * each.before:.1f} % off: later flight {before:.2f} -> {after:.2f} % of range, stated "
-                  f"{100.0 * each.deviation / span:.2f}", flush=True)  # fmt: skip
+            change = f"later flight {before:.2f} -> {after:.2f} % of range, stated {100.0 * each.deviation / span:.2f}"
+            print(f"  sensor {k}, {100.0 * each.before:.1f} % off: {change}", flush=True)
 
 
 if __name__ == "__main__":

@@ -36,6 +36,8 @@ from .inspections import inspect as inspect
 from .placement import SensorPlacement as SensorPlacement
 from .placement import place_sensors as place_sensors
 from .recalibrating import Recalibration as Recalibration
+from .recovering import Recovery as Recovery
+from .recovering import recover as recover
 from .runs import Run as Run
 from .runs import demo as demo
 from .runs import load as load

@@ -35,7 +35,7 @@ MORE = "Every command has its own help: gossamer run --help"
 ORDER = (  # of the commands in the help: that of work
     *("new", "build", "validate", "run", "export-ssp", "container", "sweep", "demo"),
     *("report", "view", "plot", "export-vtk", "verify", "info", "train", "calibrate", "twin", "inspect", "watch"),
-    *("campaign", "assess", "assess-detector", "place-sensors", "identify"),
+    *("campaign", "assess", "assess-detector", "place-sensors", "identify", "recover"),
 )
 NOTHING = inspect.Parameter.empty
 USAGE, INTERRUPTED = 2, 130  # exit codes
@@ -53,7 +53,7 @@ _log_of_errors = logging.getLogger(f"{__name__}.errors")  # to the file only: th
 def main(tokens: Sequence[str] | None = None) -> None:
     """Run the command line; exit with its code."""
     words = list(sys.argv[1:] if tokens is None else tokens)
-    if "watch" in words:  # no other command reads lines as they arrive
+    if {"watch", "recover"} & set(words):  # no other commands read lines as they arrive
         words = ["/dev/stdin" if word == "-" else word for word in words]
     style = os.environ.get(STYLE)
     os.environ[STYLE] = DASHES  # processes that this one starts write as it does

@@ -36,6 +36,7 @@ RUN_BY = {
     "new": "tests/orchestrator/scenario/test_new_scenario.py",
     "place-sensors": f"{CLI}/test_place_sensors_command.py",
     "plot": "tests/orchestrator/results/test_surface.py",
+    "recover": f"{CLI}/test_recover_command.py",
     "report": "tests/orchestrator/results/test_report.py",
     "run": TUTORIALS,
     "sweep": "tests/orchestrator/run/test_sweep.py",

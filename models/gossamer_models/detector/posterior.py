@@ -90,7 +90,8 @@ def judge_window(
 
     ``misfit`` is the largest of four ratios, each divided by its limit: what lies outside the components of a sensor over
     its noise by fourth differences and what clean records have there; what a decoder of the answer leaves of the
-    components over noise and decoder error; the components over their variances; and the noise over that of the training.
+    components over noise and decoder error; the components over their variances; and the noise by fourth differences, which
+    errors of sensors do not raise, over that of the training.
     """
     lam = ca.DM(window.variances)
     c, r = components(window, x)
@@ -111,7 +112,7 @@ def judge_window(
         ca.mmax(outside / ca.DM(freedom) / ((noise / window.unit[0]) ** 2 / block + window.rest[0] ** 2)),
         ca.sum1(left**2 / (s2 + ca.DM(window.errors) ** 2)) / left.numel(),
         ca.sum1(c**2 / (lam + s2)) / lam.numel(),
-        ca.sqrt(s2),
+        ca.mmax(noise) / window.unit[0],
     )
     other = ca.if_else(ca.fmin(P, 1.0 - P) > SMALL_CHANCE, m / 3.0 + (P < 0.5) * sd, 0.0)
     deviation = ca.fmax(ca.sqrt(P * sd**2 + P * (1.0 - P) * m**2), other)

@@ -1,0 +1,117 @@
+"""Strain from resistance line by line, as a serial port or a pipe gives it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Literal, NamedTuple
+
+from .compensator import compensator_model
+from .errors import DataError, require
+from .sensor import SensorArtifact
+from .stepper import Stepper
+
+COLUMNS = {"time": "s", "resistance": "ohm"}
+
+
+class Line(NamedTuple):
+    """What one reading gives.
+
+    Attributes
+    ----------
+    time : time of the reading [s].
+    strain : recovered strain [1] as it was ``delay`` ago; not a number where there is no reading.
+    deviation : its standard deviation [1]; not a number of a method that states none.
+    delay : of the strain [s].
+    """
+
+    time: float
+    strain: float
+    deviation: float
+    delay: float
+
+
+def recover_lines(
+    lines: Iterable[str],
+    artifact: SensorArtifact,
+    method: Literal["inverse", "estimator", "filter"] | None = None,
+    parameters: Mapping[str, float] | None = None,
+) -> Iterator[Line]:
+    """Recover strain as readings arrive, at any intervals.
+
+    Parameters
+    ----------
+    lines : iterable of str
+        Time [s] and resistance [ohm], with a comma between. The first line may name the columns, in any order and among
+        others. A reading that is empty or not a number is none: the next one follows after a longer step.
+    artifact : SensorArtifact
+        The sensor.
+    method : {"inverse", "estimator", "filter"} or None
+        Of ``compensator_model``; None for the one that the identification chose.
+    parameters : mapping of str to float
+        Of the compensator, that differ from those of the artifact.
+
+    Yields
+    ------
+    Line
+        For every reading, before the next one is asked for.
+
+    Raises
+    ------
+    DataError
+        A line is none of numbers, or time does not rise.
+    """
+    written = compensator_model(artifact, method)
+    model, has = Stepper(written, **(parameters or {})), {variable.name for variable in written.variables}
+    columns, before = [0, 1], math.nan
+    for number, line in enumerate(lines, 1):
+        cells = [cell.strip() for cell in line.split(",")]
+        if not line.strip():
+            continue
+        if number == 1 and not _is_number(cells[0]):
+            columns = _named(cells)
+            continue
+        require(len(cells) > max(columns), f"line {number} has {len(cells)} columns: {line.strip()!r}", DataError)
+        time, reading = (_number(cells[k], number) for k in columns)
+        require(math.isfinite(time), f"line {number} has no time: {line.strip()!r}", DataError)
+        require(not time <= before, f"line {number}: time {time:g} s does not follow {before:g} s.", DataError)
+        if not math.isfinite(reading):
+            yield Line(time, math.nan, math.nan, math.nan)
+            continue
+        model.set("resistance", reading)
+        if math.isnan(before):
+            model.initialize()
+        else:
+            model.step(time - before)
+        before = time
+        yield Line(
+            time,
+            model.get("strain"),
+            model.get("strain_deviation") if "strain_deviation" in has else math.nan,
+            model.get("delay") if "delay" in has else 0.0,
+        )
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _number(text: str, line: int) -> float:
+    require(not text or _is_number(text), f"line {line}: {text!r} is no number.", DataError)
+    return float(text or "nan")
+
+
+def _named(cells: list[str]) -> list[int]:
+    """Return where time and resistance stand."""
+    found = []
+    for name, unit in COLUMNS.items():
+        at = [k for k, cell in enumerate(cells) if cell.partition("[")[0].strip().lower() == name]
+        require(len(at) == 1, f"the first line names no single column {name!r}: {', '.join(cells)}.", DataError)
+        there = cells[at[0]].partition("[")[2].rstrip("]").strip()
+        require(there in ("", unit), f"{name} is in {there}; write it in {unit}.", DataError)
+        found += at
+    return found
