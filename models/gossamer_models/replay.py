@@ -35,7 +35,8 @@ class Recovered:
     present : ndarray, shape (m,)
         Without delay [1].
     deviation : ndarray, shape (m,), or None
-        Standard deviation that the compensator states [1]; None for one that states none.
+        Standard deviation that the compensator states [1]; None for one that states none, and for a filter whose numbers
+        were not identified.
     delay : float
         Delay of the compensator at the end of the record [s].
     """
@@ -170,6 +171,8 @@ def recover(
     more = [name for name in ("present_strain", "strain_deviation", "delay") if name in model.names]
     results = _run(model, full_scale, record, "resistance", output + SHIFT, ["strain", *more], noise=noise)
     strain, deviation = results["strain"], results.get("strain_deviation")
+    if (method or artifact.compensator) == "filter" and artifact.tracking is None:
+        deviation = None  # numbers that were not identified would state one that is far too small
     if "delay" not in results:
         return Recovered(strain=strain, present=strain, deviation=deviation)
     meant = record.time - results["delay"]

@@ -136,3 +136,14 @@ def test_all_unclear_columns_of_all_files_are_named_at_once(tmp_path):
         ("b.csv", ["--resistance"]),
     ]
     assert str(refused.value).splitlines()[4].startswith("cannot read")
+
+
+def test_strain_that_is_noisier_than_the_output_makes_one_look_whether_they_are_swapped(tmp_path):
+    random = np.random.default_rng(2)
+    noisy = [
+        [f"{t:.6g}", f"{s + 0.004 * e:.9g}", f"{r:.9g}"]
+        for t, s, r, e in zip(T, STRAIN, OHM, random.random(40), strict=True)
+    ]
+    found = read_record(write(tmp_path / "noisy.csv", rows=noisy))
+    assert any("strain is noisier than the output" in text and "not swapped" in text for text in found.repairs)
+    assert not read_record(write(tmp_path / "clean.csv")).repairs

@@ -26,12 +26,13 @@ from numpy.typing import NDArray
 
 from ..arrays import Rows, Vector
 from ..errors import DataError
-from .records import LONGEST_GAP, Quantity, Record, RecordSummary, gaps_of
+from .records import LONGEST_GAP, Quantity, Record, RecordSummary, gaps_of, noise_of
 
 MOST_MISSING = 0.05
 GAP_STRAIN = 0.05
 LARGEST_JUMP = 30.0  # of the output between two samples: a meter that changed its unit
 LEAST_STRAIN = -0.01  # of the range: a drifted zero of the meter
+SWAPPED, NOISY = 1.5, 5e-4  # noise of strain over that of the output, and over its range: gauges are quieter than sensors
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,6 +149,12 @@ def read_record(path: Path, columns: Columns | None = None, *, weight: float = 1
         longest=float(steps.max()),
         gaps=gaps_of(time, strain, samples.lines),
     )
+    noisy, calm = (noise_of(each) / float(np.ptp(each)) for each in (strain, resistance))
+    if noisy > max(SWAPPED * calm, NOISY):
+        text = (
+            f"strain is noisier than the output, {noisy:.1e} of its range against {calm:.1e}: see that they are not swapped"
+        )
+        samples.repairs.append(text)
     low = float(strain.min())
     if low < 0.0:
         samples.repairs.append(f"strain from {low:g} up to 0 was set to 0")
