@@ -23,6 +23,7 @@ from .fractional.artifact import MODELS as FRACTIONAL
 from .fractional.fit import doubts as fractional_doubts
 from .plots import ModelledRecord, record_files
 from .replay import Recovered, clipped_strain, recover_by_fit, table_path, write_predictions
+from .self_test import EXACT, SelfTest, self_test
 from .sensor.fit import PreisachFit, PreisachSettings, fit_preisach
 from .sensor.fit.align import RelativeScale, align
 from .sensor.fit.doubts import doubts as preisach_doubts
@@ -33,6 +34,7 @@ from .sensor.plots import sensor_files
 
 log = logging.getLogger(__name__)
 AUTO: Literal["auto"] = "auto"  # chooses the model by predicting the later parts of the training stretch
+FAILS = f"More than {EXACT:g} % without noise is no error of the sensor, but of the compensator: take another one."
 BEYOND = 1.05  # times the largest strain of training
 
 Fit = PreisachFit | FractionalFit
@@ -64,6 +66,8 @@ class Identified:
         Errors on the test stretches beside those of a static cubic and of a regression on lags.
     scales : tuple of RelativeScale
         Scale of every record, if they have scales of their own; the fit is in the units of the first one.
+    own : tuple of SelfTest
+        What the compensator recovers of what the sensor's model makes of each record; empty for a model without one.
     """
 
     fit: Fit
@@ -73,6 +77,7 @@ class Identified:
     trials: tuple[Trial, ...] = ()
     standings: tuple[Standing, ...] = ()
     scales: tuple[RelativeScale, ...] = ()
+    own: tuple[SelfTest, ...] = ()
 
     def in_its_file(self, k: int) -> tuple[Record, Vector]:
         """Return record k and the resistance predicted for it, shape (m,), in the units of its file."""
@@ -229,11 +234,15 @@ def identify_files(
             doubted.insert(0, chosen)
         stated = _stated(fit)
     recovered: tuple[Recovered, ...] = ()
+    own: tuple[SelfTest, ...] = ()
     if isinstance(fit, PreisachFit):
         progress("recovering the strain")
         recovered = tuple(recover_by_fit(fit, record) for record in fit.records)
         parts = zip(fit.records, recovered, map(judged_rows, fit.train), strict=True)
         doubted += filter(None, (clipped_strain(record, found, fit.full_scale, rows) for record, found, rows in parts))
+        progress("recovering what the sensor's own model gives")
+        own = tuple(self_test(fit, record) for record in fit.records)
+        doubted += [f"{each.sentence} {FAILS}" for each in own if each.fails]
     strains = [found.strain for found in recovered] or None
     errors = stretch_errors(fit.records, fit.predicted, fit.train, fit.rest_resistance, strains)
     table = standings(fit.records, fit.train, fit.predicted, strains)
@@ -247,6 +256,7 @@ def identify_files(
         **stated,
         **{f"{e.record} {e.stretch}": f"E1 {e.e1:.3f} %, NRMSE {e.nrmse:.3f} % of range" for e in errors},
         "doubts": " ".join(doubted),
+        **{f"own model of {each.record}": f"recovered to {each.clean:.3g} %, with noise {each.noisy:.3g} %" for each in own},
         **{f"own scale of {r.name}": f"{s.offset:.6g} + {s.gain:.6g} R" for r, s in zip(records, scales, strict=False)},
         **{f"repairs of {record.name}": "; ".join(record.repairs) for record in records if record.repairs},
     }
@@ -262,7 +272,7 @@ def identify_files(
     fit = replace(fit, artifact=artifact)
     remarks = (*repairs, *doubted)
     return Identified(
-        fit=fit, errors=errors, remarks=remarks, recovered=recovered, trials=trials, standings=table, scales=scales
+        fit=fit, errors=errors, remarks=remarks, recovered=recovered, trials=trials, standings=table, scales=scales, own=own
     )
 
 

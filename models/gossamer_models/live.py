@@ -64,6 +64,7 @@ def recover_lines(
     written = compensator_model(artifact, method)
     model, has = Stepper(written, **(parameters or {})), {variable.name for variable in written.variables}
     columns, before = [0, 1], math.nan
+    states = "strain_deviation" in has and artifact.states_deviation(method)
     for number, line in enumerate(lines, 1):
         cells = [cell.strip() for cell in line.split(",")]
         if not line.strip():
@@ -87,7 +88,7 @@ def recover_lines(
         yield Line(
             time,
             model.get("strain"),
-            model.get("strain_deviation") if "strain_deviation" in has else math.nan,
+            model.get("strain_deviation") if states else math.nan,
             model.get("delay") if "delay" in has else 0.0,
         )
 

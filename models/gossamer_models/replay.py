@@ -171,8 +171,8 @@ def recover(
     more = [name for name in ("present_strain", "strain_deviation", "delay") if name in model.names]
     results = _run(model, full_scale, record, "resistance", output + SHIFT, ["strain", *more], noise=noise)
     strain, deviation = results["strain"], results.get("strain_deviation")
-    if (method or artifact.compensator) == "filter" and artifact.tracking is None:
-        deviation = None  # numbers that were not identified would state one that is far too small
+    if not artifact.states_deviation(method):
+        deviation = None
     if "delay" not in results:
         return Recovered(strain=strain, present=strain, deviation=deviation)
     meant = record.time - results["delay"]

@@ -58,6 +58,16 @@ def error_table(result: Identified, rest: str) -> TableText:
     return TableText(head, rows, caption)
 
 
+def own_table(result: Identified) -> TableText:
+    """Return what the compensator recovers of its own model's resistance."""
+    head = ("record", "without noise", "with its noise", "over the stated deviation")
+    rows = [
+        (each.record, f"{each.clean:.3g}", f"{each.noisy:.3g}", "-" if each.stated is None else f"{each.stated:.2g}")
+        for each in result.own
+    ]
+    return TableText(head, rows, "Strain recovered from what the sensor's own model gives, NRMSE [% of range]")
+
+
 def standing_table(result: Identified) -> TableText:
     """Return the errors of the sensor beside those of its rivals."""
     caption = "NRMSE [% of range] on the test stretch; in brackets 90 % confidence from blocks of it"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
@@ -145,7 +146,7 @@ def calibrate(
 
     paths, setup = [Path(each) for each in several(files)], options["setup"]
     path = Path(out) if Path(out).suffix == ".toml" else json_file(out)
-    keep_inputs([*map(file_of, paths), options["sensor"], setup], [path])
+    keep_inputs([*map(file_of, paths), options["sensor"], setup], [path, path.with_suffix(".json")])
     if path.suffix == ".toml":
         require(
             setup is not None, f"{path} would be a setup. Name the drawing with {option('setup')}, or write a .json file."
@@ -184,12 +185,20 @@ def _carrying(source: Path, path: Path, setup: Setup, calibration: Calibration) 
         **({"factors": json.dumps(factors)} if factors else {}),
     }
     for name, value in top.items():
-        line = re.search(rf"(?m)^[ \t]*{name}\s*=[^\n#]*?(?=[ \t]*(?:#|$))", head)
+        line = re.search(rf"(?m)^[ \t]*{name}[ \t]*=[ \t]*(\[[^\]]*\]|\"[^\"\n]*\"|'[^'\n]*')", head)
         start, end = line.span() if line else (len(head), len(head))
-        head = f"{head[:start]}{name} = {value}{head[end:] if line else chr(10)}"
+        before = "" if line or head[-1:] in ("", "\n") else "\n"
+        head = f"{head[:start]}{before}{name} = {value}{head[end:] if line else chr(10)}"
     rows = {name: json.dumps(getattr(known, name)) for name in ("names", "covariance", "gains", "drawing")}
     rows["parameters"] = "{ " + ", ".join(f"{json.dumps(k)} = {v!r}" for k, v in known.parameters.items()) + " }"
     lines = [f"{name} = {value}" for name, value in rows.items()]
-    return "\n".join(
-        [f"{head}{tables}".rstrip(), "", "[calibration]  # by gossamer calibrate, from healthy records", *lines, ""]
-    )
+    title = "[calibration]  # by gossamer calibrate, from healthy records"
+    found = "\n".join([f"{head}{tables}".rstrip(), "", title, *lines, ""])
+    try:
+        written = tomllib.loads(found)
+    except tomllib.TOMLDecodeError:
+        written = {}
+    there = written.get("mesh"), written.get("calibration", {}).get("names")
+    advice = f"{source.name} is written in a way that this cannot add to. Write a .json file, and use it with"
+    require(there == (json.loads(top["mesh"]), list(known.names)), f"{advice} {option('calibration')}.")
+    return found

@@ -90,7 +90,7 @@ class Recalibration(Saved):
 
 
 def recalibrated_from(
-    record: AnyPath | Sequence[AnyPath], out: Path, sensor: File | None, setup: File | None
+    record: AnyPath | Sequence[AnyPath], out: Path, sensor: File | None, setup: File | None, origin: str
 ) -> Recalibration:
     """Identify the sensors of a record again, see ``identify``.
 
@@ -106,10 +106,11 @@ def recalibrated_from(
     options = TwinOptions(
         kind="resistance", noise=None, setup=setup, begins=None, set=None, sensor=sensor, elements_per_side=4, order=4
     )
-    keep_inputs([file_of(paths[0]), sensor, setup], [out])
     with progress_bar("identify") as bar:
         bar.update(text="reading,")
         found = find_record(paths[0], options)
+        numbers = range(1, found.structure.n_sensors + 1)
+        keep_inputs([file_of(paths[0]), sensor, setup], [out / f"sensor_{k}.json" for k in numbers])
         errors = None
         if setup is not None and not found.of_run and not found.structure.starts_in_plane:
             errors = MeshErrors(found.structure, found.parameters)
@@ -120,7 +121,7 @@ def recalibrated_from(
         )
         why = ". ".join(answer.doubts)
         require(answer.valid, f"the twin does not explain the record, so its strain is no reference: {why}")
-        again = recalibrate(answer, twin.bank, paths[0].name)
+        again = recalibrate(answer, twin.bank, paths[0].name + (f", {origin}" if origin else ""))
     files = []
     for k, each in again.items():
         path = out / f"sensor_{k}.json"

@@ -68,8 +68,14 @@ class KnownRecord:
         """
         from gossamer_models.sensor import SensorArtifact, default_artifact
 
-        known: dict[str, Any] = {"structure": self.structure, "parameters": self.parameters}
-        known |= {} if self.calibration is None else {"calibration": self.calibration}
+        structure, calibration = self.structure, self.calibration
+        if self.of_run:  # a simulation reads what there is: gains are those of gauges
+            calibration = None if calibration is None else calibration.of_structure
+            if structure.setup.calibration is not None:
+                setup = replace(structure.setup, calibration=structure.setup.calibration.of_structure)
+                structure = replace(structure, setup=setup)
+        known: dict[str, Any] = {"structure": structure, "parameters": self.parameters}
+        known |= {} if calibration is None else {"calibration": calibration}
         if self.record.kind == "strain":
             return known
         found = default_artifact() if sensor is None else SensorArtifact.read(Path(sensor))

@@ -104,9 +104,10 @@ class Identification(Saved):
 
     def tables(self) -> list[TableText]:
         """Return trials, errors and rivals."""
-        from gossamer_models.tables import error_table, standing_table, trial_table
+        from gossamer_models.tables import error_table, own_table, standing_table, trial_table
 
-        return [trial_table(self.result, SHOWN), error_table(self.result, self.rest), standing_table(self.result)]
+        result = self.result
+        return [trial_table(result, SHOWN), error_table(result, self.rest), standing_table(result), own_table(result)]
 
     def to_json(self) -> dict[str, Any]:
         """Return the errors: NRMSE over the range of the record [%], E1 of the change from rest [%]."""
@@ -135,6 +136,15 @@ class Identification(Saved):
                     "strain_nrmse_percent": each.strain and dict(zip(names, each.strain, strict=True)),
                 }
                 for each in result.standings
+            ],
+            "own_model": [
+                {
+                    "record": each.record,
+                    "strain_nrmse_percent": each.clean,
+                    "with_noise_percent": each.noisy,
+                    "error_over_stated_deviation": each.stated,
+                }
+                for each in result.own
             ],
             "remarks": result.remarks,
         }
@@ -237,12 +247,14 @@ def identify(
     given = {name: value for name, value in locals().items() if name != "options"} | dict(options)
     if from_twin:
         fixed = {"model": model, "budget": budget, "weights": weights, "full_scale": full_scale, **options}
+        fixed |= {"train": train != "50%", "rest_resistance": rest_resistance, "own_scales": own_scales}
         if named := [name for name, value in fixed.items() if value not in (None, False)]:
             msg = (
                 f"{option(named[0])} is not for {option('from_twin')}, which keeps to the old sensor's model. Leave it out."
             )
             raise OrchestratorError(msg)
-        return recalibrated_from(files, Path(out).with_suffix(""), sensor, setup)
+        folder = Path(out).with_suffix("") if Path(out).suffix == ".json" else Path(out)
+        return recalibrated_from(files, folder, sensor, setup, "" if origin == "not stated" else origin)
     for name, value in (("sensor", sensor), ("setup", setup)):
         require(value is None, f"{option(name)} is for {option('from_twin')}. Leave it out.")
     from gossamer_models.automatic import BUDGET

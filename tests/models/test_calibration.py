@@ -85,6 +85,17 @@ def test_gains_of_gauges_are_calibrated_and_the_twin_and_the_watch_know_them():
         Twin(replace(COARSE, setup=replace(COARSE.setup, sensors=COARSE.setup.sensors[:1])), calibration=known)
 
 
+def test_a_simulation_of_a_calibrated_structure_has_no_gains(known):
+    there = known.of_structure
+    assert there.names == ("damping", "modulus", "density", "prestrain", "thickness")
+    assert there.covariance == pytest.approx(known.covariance[:5, :5])
+    assert there.known == known.known.of_structure
+    with pytest.raises(DescriptionError, match="there are 3 gains, and 'names' has 4 of them"):
+        replace(known.known, gains=(1.0, 1.0, 1.0))
+    with pytest.raises(DescriptionError, match="no positive variance"):
+        replace(known.known, covariance=tuple(tuple(row) for row in np.zeros((9, 9)).tolist()))
+
+
 def test_what_acts_in_the_same_way_stays_as_uncertain_as_it_was(known):
     """Equal factors on density, modulus and load change nothing, nor do those on thickness and load: only priors tell them.
 

@@ -74,6 +74,16 @@ def test_records_share_their_faults(twin):
     assert both.damage.max() == 0.0
 
 
+def test_what_no_record_and_no_gauge_tells_apart_is_said():
+    """Two faults that do the same, of a record in time: other loads, another frequency and more gauges were tried."""
+    faults = [Fault(name=name, parameter="density", change="rises") for name in ("wet", "dusty")]
+    answer = Twin(COARSE, discrepancy=None, faults=faults, known=("density", "modulus")).fit(record(seed=3, density=1540.0))
+    assert [what[0].split()[0] for _, what in answer.explanations[:2]] in (["wet", "dusty"], ["dusty", "wet"])
+    assert (
+        answer.further == "The two likeliest explanations stay alike under half and twice the loads, and with a gauge more."
+    )
+
+
 LENS = {"rim": lambda x, y, z: np.hypot(x, y) > 1.0 - 1e-9}
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..mistakes import Mistake, raise_any
 from ..variables import Variable, input_, local, output, parameter
 from .law import LAWS
 from .setup import LEFT, SPRINGS, Setup
@@ -24,6 +25,11 @@ def mesh_variables(setup: Setup, zone_names: tuple[str, ...], n_nodes: int) -> t
     """Make the table of a setup on a mesh of some nodes: parameters, inputs, outputs and locals."""
     known = {} if setup.calibration is None else setup.calibration.parameters
     own = [replace(row, start=known.get(row.name, row.start)) for row in (*_parameters(setup), *_inputs(setup, zone_names))]
+    if lost := set(known) - {row.name for row in own}:
+        text = (
+            f"the model has no {sorted(lost)[0]!r}, which the calibration knows. Write back 'factors', or calibrate again."
+        )
+        raise_any([Mistake(("calibration", "parameters"), text)])
     return (*own, *_outputs(setup), *node_rows(setup, n_nodes), *_locals(setup))
 
 

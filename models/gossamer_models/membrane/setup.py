@@ -7,8 +7,10 @@ of the mesh.
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
+
+import numpy as np
 
 from ..mistakes import Mistake, no_direction, not_finite, outside, raise_any
 from .law import LAWS
@@ -297,9 +299,23 @@ class Known:
 
     def __post_init__(self) -> None:
         k = len(self.names)
+        gains = sum(name.startswith("gain[") for name in self.names)
+        if len(self.gains) not in (0, gains):
+            text = f"there are {len(self.gains)} gains, and 'names' has {gains} of them. Calibrate again."
+            raise_any([Mistake(("gains",), text)])
         if [len(row) for row in self.covariance] != [k] * k:
             text = f"'covariance' is no table of {k} by {k} numbers, one for each of 'names'. Calibrate again."
             raise_any([Mistake(("covariance",), text)])
+        if not np.linalg.eigvalsh(np.reshape(self.covariance, (k, k))).min(initial=1.0) > 0.0:
+            text = "'covariance' is none: it has no positive variance in every direction. Calibrate again."
+            raise_any([Mistake(("covariance",), text)])
+
+    @property
+    def of_structure(self) -> "Known":
+        """The same without gains: of what simulates the structure, whose readings have none."""
+        at = [k for k, name in enumerate(self.names) if not name.startswith("gain[")]
+        covariance = tuple(tuple(self.covariance[i][k] for k in at) for i in at)
+        return replace(self, names=tuple(self.names[k] for k in at), covariance=covariance, gains=())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -400,6 +416,9 @@ class Setup:
             yield Mistake(("refine",), text)
         if not self.regions:
             yield Mistake(("regions",), "there are no regions. Write [[regions]] with the material of all faces.")
+        if self.directional and self.law != "st_venant_kirchhoff":
+            text = f"{self.law!r} has no tear in one direction: it is that of a stress which is linear in the strain."
+            yield Mistake(("directional",), f'{text} Write law = "st_venant_kirchhoff", or leave it out.')
         if self.directional and not self.zones:
             text = "shares of the stiffness are those of zones, and there are none. Write [[zones]], or leave it out."
             yield Mistake(("directional",), text)

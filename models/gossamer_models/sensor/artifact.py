@@ -248,6 +248,10 @@ class SensorArtifact:
         """Whether the exact inverse exists: no term moves the output against the strain or is a gain, and no network."""
         return self.residual is None and not any(term.signed or term.gain for term in self.relaxation)
 
+    def states_deviation(self, method: str | None) -> bool:
+        """Tell whether a compensator states its deviation: no filter does whose numbers were not identified."""
+        return (method or self.compensator) != "filter" or self.tracking is not None
+
     @property
     def n_lines(self) -> int:
         """Number of lines and of bins along a line."""

@@ -77,6 +77,18 @@ class Calibration:
         return _spread(self.known)
 
     @property
+    def of_structure(self) -> Calibration:
+        """The same without gains, of what simulates the structure."""
+        at = np.flatnonzero(~_are_gains(self.names))
+        return replace(
+            self,
+            names=tuple(self.names[k] for k in at),
+            factors=self.factors[at],
+            covariance=self.covariance[np.ix_(at, at)],
+            prior=self.prior[at],
+        )
+
+    @property
     def known(self) -> Known:
         """What a setup carries of it."""
         covariance = tuple(map(tuple, self.covariance.tolist()))

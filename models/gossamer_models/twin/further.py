@@ -18,6 +18,7 @@ from .forward import MembraneForward
 from .least_squares import neighbours, require_finite
 from .nuisances import GAINS, NUMBERS, Loads, number_of
 from .problem import RecordProblem
+from .record import StaticRecord
 from .search import Fit
 
 SECOND = 0.05  # probability of the second explanation from which on a further record is looked for
@@ -44,10 +45,14 @@ def further(fit: Fit) -> str:
     a, b = (fit.point.x + likely.move[k] for k in order)
     free = likely.kept[order[1]].copy()
     free[problem.zones :] = True
-    found = dict(_records(fit, a, b, free)) | dict(_gauges(fit, a, b, free))
-    what, most = max(found.items(), key=lambda each: each[1], default=("", 0.0))
+    records, gauges = (dict(each(fit, a, b, free)) for each in (_records, _gauges))
+    found = records | gauges
+    if not found:
+        return ""
+    what, most = max(found.items(), key=lambda each: each[1])
     if most < TELLS:
-        return "The two likeliest explanations stay alike under half and twice the loads, and with a gauge more."
+        tried = ["under half and twice the loads"] * bool(records) + ["with a gauge more"] * bool(gauges)
+        return f"The two likeliest explanations stay alike {', and '.join(tried)}."
     return f"{what} would tell the two likeliest explanations apart: a chi2 of {most:.0f} is expected between them."
 
 
@@ -73,14 +78,14 @@ def _gauges(fit: Fit, a: Vector, b: Vector, free: Rows) -> Iterator[tuple[str, f
     model, record = problem.model, problem.record
     if not isinstance(model, MembraneForward) or record.kind != "strain":
         return
-    gauges = candidates(model.structure, POINTS)
+    gauges, own = candidates(model.structure, POINTS, own=True), model.structure.n_sensors  # on which faults act
     other = copy(problem)
     other.model = MembraneForward(model.structure, {**model.parameters, **model.inputs}, gauges, model.faults)
     rows, steps = _around(problem, a, b, free)
-    y = other.histories(rows, record.states or record.samples, 0.0 if record.states else record.step)
+    y = other.histories(rows, record.states, 0.0 if isinstance(record, StaticRecord) else record.step)
     y = (y - y.mean(axis=2, keepdims=True)) / float(np.nanmedian(problem.noise))
     A = fit.model.A[np.ix_(free, free)]
-    for k, sensor in enumerate(gauges.sensors):
+    for k, sensor in list(enumerate(gauges.sensors))[own:]:
         at, along = (", ".join(f"{value:.3g}" for value in each) for each in (sensor.point, sensor.direction))
         if np.isfinite(y[:, k]).all():
             yield f"A gauge at ({at}) m along ({along})", _left(y[:, k], steps, A)
@@ -92,7 +97,7 @@ def _loads(problem: RecordProblem) -> Iterator[tuple[str, Loads]]:
         return
     known, model = problem.nuisances.loads, problem.model
     numbers = {**model.parameters, **model.inputs, **known.start}
-    built_in = numbers.get(AMPLITUDE, 0.0) > 0.0 and not problem.record.states
+    built_in = numbers.get(AMPLITUDE, 0.0) > 0.0 and not isinstance(problem.record, StaticRecord)
     loads = [load.name for load in model.structure.setup.loads if load.name in model.inputs]
     acting = [name for name in loads if numbers[name] or np.any(known.histories.get(name, 0.0))]
     for name in (*[AMPLITUDE, FREQUENCY] * built_in, *acting):

@@ -113,8 +113,9 @@ class JointProblem(LeastSquares):
 
     def _mix(self, problem: RecordProblem, places: dict[str, int], matrix: Matrix) -> None:
         """Write how the factors of a record follow from those of all, where these are known together and it lacks some."""
-        there = [name for name in places if number_of(name) in (*SCALES, GAINS)]
-        own = [name for name in there if name in problem.nuisances.names]
+        order = (*SCALES, GAINS)  # of ``root_of`` in every record
+        there = sorted((name for name in places if number_of(name) in order), key=lambda name: order.index(number_of(name)))
+        own = [name for name in problem.nuisances.names if name in there]
         if own == there or problem.nuisances.spread is None:
             return
         rows = [problem.nuisances.names.index(name) for name in own]

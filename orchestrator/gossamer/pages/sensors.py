@@ -74,6 +74,7 @@ def identification_page(result: Identified, artifact: Path, files: list[Path], r
         facts=[
             tables.error_table(result, rest),
             tables.standing_table(result),
+            tables.own_table(result),
             folded(f"{len(result.trials)} trials of the automatic choice", trials) if trials else "",
             tables.recognised_table(fit.records),
             _sensor_tables(fit),

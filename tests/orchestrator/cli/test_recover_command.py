@@ -79,7 +79,7 @@ def test_lines_give_what_the_compensator_gives(read, method):
     ]
     found = list(recover_lines(lines, default_artifact(), method))
     assert [each.strain for each in found[1:]] == pytest.approx(expected, abs=1e-12)
-    assert np.isnan(found[-1].deviation) == (method == "inverse")
+    assert np.isnan(found[-1].deviation) == (method != "estimator")  # the shipped sensor has no numbers of a filter
     assert (found[-1].delay > 0.0) == (method != "inverse")
 
 

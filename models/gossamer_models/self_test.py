@@ -1,0 +1,79 @@
+"""What a compensator recovers from its own perfect model: the identified sensor, driven by the recorded strain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .fitting.errors import nrmse
+from .fitting.records import Record, noise_of
+from .replay import predict_resistance, recover_by_fit
+from .sensor.fit import PreisachFit
+
+EXACT = 3.0  # error without noise [% of range] above which a compensator fails on its own model
+
+
+@dataclass(frozen=True, kw_only=True)
+class SelfTest:
+    """What is recovered of one record that the sensor's model has made, from rest.
+
+    Attributes
+    ----------
+    record : str
+        Its name.
+    clean, noisy : float
+        Error without noise, and with the noise of the record [% of range], root mean square.
+    stated : float or None
+        Error with noise over the deviation that is stated, root mean squares [1]; None where none is.
+    """
+
+    record: str
+    clean: float
+    noisy: float
+    stated: float | None
+
+    @property
+    def fails(self) -> bool:
+        """Whether the compensator does not recover what its own model gives."""
+        return not self.clean <= EXACT
+
+    @property
+    def sentence(self) -> str:
+        """The figures, in words."""
+        over = "" if self.stated is None else f", {self.stated:.2g} stated deviations"
+        return (
+            f"{self.record}: of its own model's resistance the compensator recovers strain to {self.clean:.2g} % of range, "
+            f"with the record's noise to {self.noisy:.2g} %{over}."
+        )
+
+
+def self_test(fit: PreisachFit, record: Record, seed: int = 0) -> SelfTest:
+    """Drive a sensor by the strain of a record, and recover it with the sensor's compensator.
+
+    Parameters
+    ----------
+    fit : PreisachFit
+        The sensor, with its compensator.
+    record : Record
+        Its strain is the truth, and its noise is added.
+    seed : int
+        Of the noise.
+
+    Returns
+    -------
+    SelfTest
+        What ``clean`` exceeds is no error of the sensor's model, but of the compensator alone.
+    """
+    made = replace(record, resistance=predict_resistance(fit, record))
+    noise = noise_of(record.resistance) * np.random.default_rng(seed).standard_normal(record.strain.size)
+    noisy = replace(made, resistance=made.resistance + noise)
+    clean, with_noise = (recover_by_fit(fit, each) for each in (made, noisy))
+    size = float(np.ptp(record.strain))
+    stated = None
+    if with_noise.deviation is not None:
+        error, deviation = with_noise.strain - record.strain, with_noise.deviation
+        there = np.isfinite(error) & np.isfinite(deviation)
+        stated = float(np.sqrt(np.mean(error[there] ** 2) / np.mean(deviation[there] ** 2)))
+    errors = (nrmse(record.strain, found.strain, size) for found in (clean, with_noise))
+    return SelfTest(record=record.name, **dict(zip(("clean", "noisy"), errors, strict=True)), stated=stated)
