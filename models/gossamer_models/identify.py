@@ -256,7 +256,6 @@ def identify_files(
         **stated,
         **{f"{e.record} {e.stretch}": f"E1 {e.e1:.3f} %, NRMSE {e.nrmse:.3f} % of range" for e in errors},
         "doubts": " ".join(doubted),
-        **{f"own model of {each.record}": f"recovered to {each.clean:.3g} %, with noise {each.noisy:.3g} %" for each in own},
         **{f"own scale of {r.name}": f"{s.offset:.6g} + {s.gain:.6g} R" for r, s in zip(records, scales, strict=False)},
         **{f"repairs of {record.name}": "; ".join(record.repairs) for record in records if record.repairs},
     }

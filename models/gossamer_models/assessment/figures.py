@@ -6,7 +6,7 @@ Symbols: ``n`` records, ``z`` error in units of the stated deviation [1].
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +14,7 @@ from scipy.special import ndtri
 
 from ..arrays import Matrix, Rows, Vector
 from ..detector import DetectorArtifact, PosteriorArtifact, detector_model
-from ..detector.posterior_records import Sensing, Training, cut_windows
+from ..detector.posterior_records import EXACT, Sensing, Training, cut_windows
 from ..detector.posterior_training import split
 from ..detector.thesis_tables import GROUPS
 from ..detector.thesis_training import SAMPLES, simulate_cases, with_noise
@@ -31,6 +31,7 @@ WRONG = 0.10  # [1] error of a zone of a wrong record
 MARKED, CALLED = 3.0, 2.0  # stated deviations within which an error is marked, and by which a call is above 0
 NOMINAL = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)  # central intervals of the reliability diagram
 NOISES = {"clean": "no noise", "stated": "noise"}  # that of the campaign
+SENSORS_OFF = "noise, sensors off"
 SEED = 1  # of the noise of the test cases of the thesis
 
 
@@ -219,6 +220,10 @@ def held_out_verdicts(
         verdicts.
     """
     sensing, random = Sensing.of(data), np.random.default_rng(training.seed)
+    exact = replace(sensing, error=EXACT)
+    kinds = [(noise, kind, exact) for kind, noise in NOISES.items()]
+    if sensing.error != EXACT:
+        kinds.append((SENSORS_OFF, "stated", replace(sensing, error=replace(sensing.error, share=1.0))))
     damage = data["damage"].to_numpy()
     damage = damage[damage.max(axis=1) > 0.0]
     found = {AlwaysZero.name: (damage, Verdicts(damage=0.0 * damage, valid=np.ones(len(damage), dtype=bool)))}
@@ -226,8 +231,8 @@ def held_out_verdicts(
         cut = cut_windows(data, number, training.samples, number == training.windows - 1, training.seed)
         test = split(cut, training)[2]
         damaged = test.damage.max(axis=1) > 0.0
-        for kind, noise in NOISES.items():
-            verdicts = PosteriorJudge(artifact).window(number, sensing.samples(test.records, random, kind))
+        for noise, kind, sensors in kinds:
+            verdicts = PosteriorJudge(artifact).window(number, sensors.samples(test.records, random, kind))
             for some, what in ((damaged, "damaged"), (~damaged, "healthy")):
                 if some.any():
                     found[f"window {number + 1}, {what}, {noise}"] = test.damage[some], verdicts[some]

@@ -293,7 +293,8 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         z = self.z(point.x[None])
         exact = replace(self.nuisances, kinds=tuple(kind for kind in self.nuisances.kinds if kind == "clock"), spread=None)
         late = z[:, [name == "clock" for name in self.nuisances.names]]
-        strain = exact.read(self._simulated(point.x[None])[0], self._zero, self._scale, late)
+        strain = point.predicted[None] if self.record.kind == "strain" else self._simulated(point.x[None])[0]
+        strain = exact.read(strain, self._zero, self._scale, late)
         return np.asarray(strain[0, :, : self.record.samples])
 
     def weigh_columns(self, columns: Matrix, x: Vector) -> Matrix:
