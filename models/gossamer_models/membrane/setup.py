@@ -274,7 +274,7 @@ class Fault:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Known:
+class KnownNumbers:
     """What healthy records told of the membrane, as ``gossamer calibrate`` writes it.
 
     Attributes
@@ -311,7 +311,7 @@ class Known:
             raise_any([Mistake(("covariance",), text)])
 
     @property
-    def of_structure(self) -> "Known":
+    def of_structure(self) -> "KnownNumbers":
         """The same without gains: of what simulates the structure, whose readings have none."""
         at = [k for k, name in enumerate(self.names) if not name.startswith("gain[")]
         covariance = tuple(tuple(self.covariance[i][k] for k in at) for i in at)
@@ -357,7 +357,7 @@ class Setup:
         regions or along all edges.
     priors : mapping of str to float
         How far numbers of the setup may be off, one standard deviation as a share [1], by the names that a calibration has.
-    calibration : Known or None
+    calibration : KnownNumbers or None
         See there; the model starts with its values.
 
     Raises
@@ -388,7 +388,7 @@ class Setup:
     factors: tuple[str, ...] = ()
     faults: tuple[Fault, ...] = ()
     priors: Mapping[str, float] = field(default_factory=dict, hash=False)
-    calibration: Known | None = None
+    calibration: KnownNumbers | None = None
 
     def __post_init__(self) -> None:
         raise_any([*self._mistakes()])

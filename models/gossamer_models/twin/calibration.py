@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..arrays import Matrix, Vector
 from ..errors import DataError, ParameterError, require
 from ..membrane import Structure, make_structure, square_structure
-from ..membrane.setup import Known
+from ..membrane.setup import KnownNumbers
 from .forward import Forward
 from .nuisances import GAINS, Spread, number_of
 
@@ -89,11 +89,13 @@ class Calibration:
         )
 
     @property
-    def known(self) -> Known:
+    def known(self) -> KnownNumbers:
         """What a setup carries of it."""
         covariance = tuple(map(tuple, self.covariance.tolist()))
         gains = tuple(self.factors[_are_gains(self.names)].tolist())
-        return Known(names=self.names, covariance=covariance, parameters=self.parameters, gains=gains, drawing=self.drawing)
+        return KnownNumbers(
+            names=self.names, covariance=covariance, parameters=self.parameters, gains=gains, drawing=self.drawing
+        )
 
     def applied(
         self, structure: Structure | Forward | None, parameters: Mapping[str, float] | None
@@ -156,7 +158,7 @@ def spread_of(structure: Structure | Forward | None) -> Spread | None:
     return _spread(known)
 
 
-def _spread(known: Known) -> Spread:
+def _spread(known: KnownNumbers) -> Spread:
     return Spread(known.names, np.array(known.covariance), known.gains)
 
 
@@ -164,7 +166,7 @@ def _are_gains(names: Sequence[str]) -> NDArray[np.bool_]:
     return np.array([number_of(name) == GAINS for name in names], dtype=bool)
 
 
-def _check_drawing(known: Known, structure: Structure) -> None:
+def _check_drawing(known: KnownNumbers, structure: Structure) -> None:
     text = "the calibration is of a structure that was drawn otherwise, in its material, supports, edges or gas"
     require(known.drawing in ("", drawing_of(structure)), f"{text}. Calibrate this one.")
     sensors = f"the calibration has gains of {len(known.gains)} sensors, and the structure has {structure.n_sensors}"

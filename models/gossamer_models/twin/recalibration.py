@@ -105,17 +105,15 @@ def _again(bank: SensorBank, strain: Vector, R: Vector, noise: float, h: float, 
     known = _read(artifact, bank, strain, h)
     span = max(float(np.ptp(known)), np.finfo(float).tiny)
     sigma = noise if noise > 0.0 else float(np.std(np.diff(R[there]))) / np.sqrt(2.0)
-    c, model, offset = np.zeros(2 * len(fields_of(artifact.n_lines, KNOTS).T)), artifact, 0.0
+    F = float(bank.parameters["full_scale_resistance_change"][0]) * table_features(bank, strain[None], KNOTS)[:, 0, there]
+    A = np.vstack([F, np.full((1, there.sum()), span)]) / sigma
+    free = A[:-1] - A[:-1].mean(axis=1, keepdims=True)
+    bounds = np.append(np.full(len(F), LEAST), -np.inf), np.append(np.full(len(F), MOST), np.inf)
+    c, model, offset = np.zeros(len(F)), artifact, 0.0
     for _ in range(ROUNDS):
-        read = _read(model, bank, strain, h)
-        rise = float(bank.parameters["full_scale_resistance_change"][0])
-        F = rise * table_features(bank, strain[None], KNOTS)[:, 0]
-        r = (R - read)[there] + c @ F[:, there]
-        A = np.vstack([F[:, there], np.full((1, there.sum()), span)]) / sigma
-        free = A[:-1] - A[:-1].mean(axis=1, keepdims=True)
+        r = (R - _read(model, bank, strain, h))[there] + c @ F
         deviation = TRIED[int(np.argmax(scale_evidence(free @ free.T, free @ r / sigma, TRIED)))]
         prior = np.append(np.full(len(F), 1.0 / deviation), 1.0 / OFFSET)
-        bounds = np.append(np.full(len(F), LEAST), -np.inf), np.append(np.full(len(F), MOST), np.inf)
         H = A @ A.T + np.diag(prior**2)  # a record has more samples than there are fields
         L = np.linalg.cholesky(H)
         solved = lsq_linear(L.T, np.linalg.solve(L, A @ r / sigma), bounds, method="bvls").x
