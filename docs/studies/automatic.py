@@ -1,4 +1,4 @@
-"""Measured records with the defaults: what `gossamer identify` chooses, beside the regressions of ``rivals.py``."""
+"""Measured records with the defaults: what `gossamer identify` chooses, beside its rivals."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from gossamer_models.automatic import choose
-from gossamer_models.automatic.compare import cubic
+from gossamer_models.automatic.compare import cubic, networks, regression
 from gossamer_models.fitting import Record, e1, nrmse
 from gossamer_models.replay import predict_resistance, recover_by_fit
 from gossamer_models.sensor.fit import PreisachFit, PreisachSettings, fit_preisach
@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from .measured import measured_records
 from .preisach import THESIS
-from .rivals import rivals
 from .specimen import specimen_record
 
 # record, part that is fitted [1], NRMSE targets [% of range] of output and recovered strain on the rest
@@ -122,12 +121,17 @@ def default_row(
     seconds = time.monotonic() - begin
     found = recover_by_fit(chosen.fit, record)
     R, strain, test = record.resistance, record.strain, ~train
+    late = round(found.delay / float(np.median(np.diff(record.time))))
     ratio = None
     if found.deviation is not None:
         ratio = float(np.sqrt(np.mean((found.strain - strain)[test] ** 2) / np.mean(found.deviation[test] ** 2)))
 
     def errors(ours: NDArray[np.float64], u: NDArray[np.float64], y: NDArray[np.float64]) -> dict[str, float]:
-        models = {"defaults": ours, "cubic": cubic((u,), (y,), (train,))[0], **rivals(record, train, u, y)}
+        of = (record,), (u,), (y,), (train,)
+        delay = late if y is strain else 0
+        (static,), (moving,) = networks(*of, delay)
+        models = {"defaults": ours, "cubic": cubic(*of[1:])[0], "ridge on lags": regression(*of, delay)[0]}
+        models |= {"perceptron 32-16": static, "recurrent network of 12": moving}
         return {name: nrmse(y[test], values[test], float(np.ptp(y))) for name, values in models.items()}
 
     return DefaultRow(

@@ -55,7 +55,7 @@ INTRODUCTION = """\
 predicting the later parts of the training stretch; see the README. Trained on the first half of the silver thread and
 the first 60 % of the carbon black; errors are those of the rest. Beside it regressions on the same stretch: a static
 cubic, a ridge on lags and low-passes, a perceptron of 32 and 16 units on the same features, and a gated recurrent network of
-12 states (`docs/studies/rivals.py`). **All of these records were seen
+12 states (`automatic/rivals.py`). **All of these records were seen
 while Gossamer was built, so take every row as optimistic.** These were chosen with test errors in view: on
 `velocity_profile_7_5wt` the rule that no sensor is taken for the sake of its compensator if its output is predicted worse by
 more than a quarter; on `strain_sin_20` that every compensator is judged by both cuts, and which are tried; on both

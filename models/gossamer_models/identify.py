@@ -245,7 +245,8 @@ def identify_files(
         doubted += [f"{each.sentence} {FAILS}" for each in own if each.fails]
     strains = [found.strain for found in recovered] or None
     errors = stretch_errors(fit.records, fit.predicted, fit.train, fit.rest_resistance, strains)
-    table = standings(fit.records, fit.train, fit.predicted, strains)
+    progress("training rivals")
+    table = standings(fit.records, fit.train, fit.predicted, recovered)
     doubted += defeats(table)
     provenance = {
         "data": ", ".join(record.name for record in records),

@@ -9,8 +9,9 @@ from gossamer_models import DataError
 from gossamer_models.automatic import HERE, Standing, choose, defeats, standings
 from gossamer_models.automatic import choice as compensators
 from gossamer_models.automatic.choice import OPTIMISM, calibrated, error_model, motion
-from gossamer_models.automatic.trials import FITTED, Bench, cut, error_on, shortened
+from gossamer_models.automatic.trials import Bench, error_on, shortened
 from gossamer_models.compensator.particle import DELAY
+from gossamer_models.fitting.records import FITTED, cut
 from gossamer_models.identify import settings_for
 from gossamer_models.replay import recover_by_fit
 from gossamer_models.sensor.artifact import DEFAULT_TRACKING
@@ -98,7 +99,7 @@ def test_a_baseline_that_is_better_is_said_in_words():
     strain = zigzag()
     strain[1:3] = strain.max(), strain.min()  # both ends are in the training stretch: beyond them a baseline is held
     r = record(strain, 2.0 + strain + strain**3)
-    table = standings((r,), half(r), (np.full(strain.size, r.resistance.mean()),), None)
+    table = standings((r,), half(r), (np.full(strain.size, r.resistance.mean()),), ())
     assert [each.model for each in table] == [HERE, "static cubic", "regression on lags"]
     assert table[1].forward[0] < 1e-9
     low, high = table[0].forward[1:]
@@ -145,9 +146,9 @@ def test_what_is_chosen_recovers_strain_better_than_a_cubic(hasty):
     assert {t.stage for t in chosen.trials} == {"sensor", "direct inverse", "compensator"}
     assert chosen.fit.artifact.compensator == chosen.method.name
     assert chosen.fit.artifact.tracking is not None
-    found = recover_by_fit(chosen.fit, PLAY).strain
+    found = recover_by_fit(chosen.fit, PLAY)
     rivals = standings((PLAY,), half(PLAY), (PLAY.resistance,), (found,))
-    assert error_on([found], [STRAIN], [~half(PLAY)[0]]) < rivals[1].strain[0]
+    assert error_on([found.strain], [STRAIN], [~half(PLAY)[0]]) < rivals[1].strain[0]
 
 
 def test_the_direct_inverse_is_a_finalist_beside_the_filter_however_little_time_there_is(hasty):

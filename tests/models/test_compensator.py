@@ -1,15 +1,16 @@
-"""The compensator as the exact inverse of the sensor, beside Chapter 5 as it is printed, and as a direct inverse."""
+"""The compensator as the exact inverse of the sensor, beside Chapter 5 as it is printed."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from gossamer_models import InputError, ParameterError, Stepper, simulate
+from gossamer_models import ParameterError, Stepper, simulate
 from gossamer_models.compensator import compensator_model
-from gossamer_models.sensor import DirectInverse, default_artifact, sensor_model
+from gossamer_models.sensor import default_artifact, sensor_model
 from gossamer_models.sensor.plots import everett
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from oracles.direct import direct_inverse
 from oracles.everett import EverettInverse, everett_surfaces
 from oracles.preisach import artifact, drive, spring, start, term
 
@@ -229,42 +230,6 @@ def test_a_negative_dead_band_is_refused():
         compensator.initialize()
 
 
-def direct(**changed):
-    """A straight-line sensor whose direct inverse is a straight line too."""
-    line = DirectInverse(law=spring(), lowest=0.0, highest=1.0, offset=0.0, scale=1.0)
-    return compensator_model(replace(spring(), inverse=line, **changed))
-
-
-def test_a_direct_inverse_filters_as_the_exact_one_does():
-    rng = np.random.default_rng(5)
-    h = 10.0 ** rng.uniform(-3, 1, 60)
-    measured = np.clip(np.cumsum(rng.normal(0.0, 0.2, 60)), 0.0, 1.0)
-    for T in (0.0, 0.3):
-        exact = drive(start(compensator_model(spring()), filter_time=T, rest_strain=0.1), measured, h)
-        assert drive(start(direct(), filter_time=T, rest_strain=0.1), measured, h) == pytest.approx(exact, abs=1e-12)
-    assert np.abs(exact - measured).max() > 0.1
-
-
-def test_a_direct_inverse_has_no_parameter_that_does_nothing():
-    """Every one changes the result; a dead band, which would not, is no variable of it."""
-    model = direct()
-    assert set(compensator_model(spring()).names) - set(model.names) == {"dead_band"}
-    with pytest.raises(InputError, match="no variable 'dead_band'"):
-        Stepper(model, dead_band=0.1)
-    changes = {
-        "rest_resistance": 0.05,
-        "full_scale_resistance_change": 1.3,
-        "full_scale_strain": 0.7,
-        "rest_strain": 0.2,
-        "filter_time": 0.5,
-    }
-    assert set(changes) == {v.name for v in model.variables if v.causality == "parameter"}
-    plain = drive(start(model, filter_time=0.2), [0.3, 0.6, 0.4])
-    for name, value in changes.items():
-        found = drive(start(model, **{"filter_time": 0.2, name: value}), [0.3, 0.6, 0.4])
-        assert np.abs(found - plain).max() > 1e-3, name
-
-
 def test_a_sensor_that_has_no_exact_inverse_is_refused_with_what_to_do():
     backwards = replace(term(0.1), amplitude=-0.1, signed=True)
     signed = replace(spring(), relaxation=(backwards,))
@@ -274,9 +239,8 @@ def test_a_sensor_that_has_no_exact_inverse_is_refused_with_what_to_do():
         compensator_model(signed)
     with pytest.raises(ParameterError, match=r"Take the filter, .*: 'gossamer build filter --artifact FILE'"):
         compensator_model(signed, "estimator")
-    line = DirectInverse(law=spring(), lowest=0.0, highest=1.0, offset=0.0, scale=1.0)
     with pytest.raises(ParameterError, match="which the estimator does not use"):
-        compensator_model(replace(spring(), inverse=line), "estimator")
+        compensator_model(replace(spring(), inverse=direct_inverse()), "estimator")
 
 
 SENSORS = {

@@ -10,11 +10,11 @@ from gossamer_models.compensator import compensator_model
 from gossamer_models.identify import settings_for
 from gossamer_models.replay import predict_resistance, recover_by_fit
 from gossamer_models.sensor import DirectInverse, RelaxationTerm, SensorArtifact, default_artifact, sensor_model
-from gossamer_models.sensor.artifact import MARGIN, Residual
+from gossamer_models.sensor.artifact import MARGIN, Network
 from gossamer_models.sensor.drives import FALLING, GAIN, Drive
 from gossamer_models.sensor.fit import fit_preisach
+from gossamer_models.sensor.fit.networks import choose_steps, corrections, train
 from gossamer_models.sensor.fit.regression import prepare, relaxed
-from gossamer_models.sensor.fit.residual import choose_steps, corrections, train
 from gossamer_models.sensor.fit.weights import weight_function
 from oracles.preisach import UNIT, drive, start
 from oracles.records import QUICK, everything, fit_like, record, zigzag
@@ -67,7 +67,8 @@ def test_an_extended_artifact_is_read_back(tmp_path):
     path = tmp_path / "sensor.json"
     default_artifact().write(path)
     assert '"version": 1' in path.read_text()
-    inverse = DirectInverse(law=replace(default_artifact(), provenance={}), lowest=0.0, highest=1.0, offset=0.1, scale=0.8)
+    net = Network(lowest=(0.0,) * 3, highest=(1.0,) * 3, hidden=((0.1,) * 3,), bias=(0.0,), out=(0.5,), bound=0.5)
+    inverse = DirectInverse(lowest=0.0, highest=1.0, widths=(0.1,), times=(2.0,), networks=(net,), factor=1.4, floor=0.01)
     term = replace(default_artifact().relaxation[0], amplitude=-0.01, drive="falling", signed=True)
     extended = replace(default_artifact(), relaxation=(term,), inverse=inverse)
     extended.write(path)
@@ -239,7 +240,7 @@ def test_an_artifact_keeps_its_network_and_only_compensators_that_need_no_invers
 
 def small(features):
     n = features - 1
-    return Residual(
+    return Network(
         lowest=(0.0,) * n, highest=(1.0,) * n, hidden=((0.1,) * n,) * 2, bias=(0.0, 0.1), out=(0.01, -0.01), bound=0.02
     )
 

@@ -11,7 +11,7 @@ import math
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from typing import Unpack
 
 import numpy as np
@@ -19,13 +19,16 @@ from gossamer_files.options import option
 
 from ..arrays import Rows, Vector
 from ..errors import DataError
-from ..fitting.records import Record, strain_range
+from ..fitting.records import FITTED, Record, cut, strain_range, until_the_end_of_training
 from ..replay import Recovered, recover_by_fit
-from ..sensor.artifact import ErrorModel, Tracking
+from ..self_test import self_test
+from ..sensor.artifact import DirectInverse, ErrorModel, Tracking
 from ..sensor.fit import PreisachFit, PreisachSettings, fit_preisach
+from ..sensor.fit.direct import fit_direct
+from ..sensor.fit.preisach import with_direct
 from ..sensor.fit.settings import Given
-from .sensors import choose_inverse, choose_sensors, nothing_fitted, sensor_name
-from .trials import FITTED, Bench, Trial, cut, error_on, shortened
+from .sensors import choose_delay, choose_sensors, nothing_fitted, sensor_name
+from .trials import Bench, Trial, error_on, shortened
 
 LEAST_ERROR = 3e-3  # [1]: below the spacing of the hypotheses an error would choose among them by chance
 APART = 3  # samples over which a rate is taken
@@ -38,7 +41,7 @@ TAIL, WANDER = 4.0, 3.0  # of the filter; SURE and CALM trust its models more
 SURE, CALM = 30.0, 1.0
 NEAR = 1.1  # of methods whose errors are at most so many times the least one, that listed first wins: less is left to chance
 BUDGET = 60.0  # [s]
-SHARES = (0.4, 0.6, 0.9)  # of the budget that have passed when sensor, direct inverse and compensator are chosen
+SHARES = (0.5, 0.9)  # of the budget that have passed when sensor and compensator are chosen
 Progress = Callable[[float, str], None]
 
 
@@ -154,9 +157,12 @@ def choose_compensator(
     train: tuple[Rows, ...],
     sensors: Iterable[PreisachSettings],
     bench: Bench,
+    inverse: Callable[[float], DirectInverse],
     **given: Unpack[Given],
 ) -> tuple[Method, Tracking]:
     """Return the compensator whose strain is best, and numbers for the filter with the same sensor.
+
+    One that runs the sensor must recover what that sensor gives, see ``self_test``, or the next one is taken.
 
     Parameters
     ----------
@@ -164,6 +170,8 @@ def choose_compensator(
         Training stretches in full, as the filter works sample by sample.
     sensors : iterable of PreisachSettings
         Sensors to compensate, the best first, with the settings of their direct inverse.
+    inverse : callable
+        Returns the direct inverse that is fitted to a share of the training samples.
     bench, **given
         See ``choose_sensors``.
 
@@ -177,14 +185,16 @@ def choose_compensator(
     @cache
     def tried(share: float, settings: PreisachSettings) -> tuple[PreisachFit, Tracking]:
         early, late = cut(train, share)
-        fit = fit_preisach(records, early, settings, **given)
+        fit = with_direct(fit_preisach(records, early, settings, inverse=False, **given), inverse(share))
         return fit, _numbers(fit, train, late)
+
+    def ready(share: float, method: Method) -> PreisachFit:
+        fit, base = tried(share, method.sensor)
+        return equipped(fit, method, method.numbers(base))
 
     @cache
     def run(share: float, method: Method) -> tuple[Recovered, ...]:
-        fit, base = tried(share, method.sensor)
-        ready = equipped(fit, method, method.numbers(base))
-        return tuple(recover_by_fit(ready, record, fill=False) for record in records)
+        return tuple(recover_by_fit(ready(share, method), record, fill=False) for record in records)
 
     def judge(method: Method) -> float:
         """Return the geometric mean over the cuts: whoever is judged is judged by all, also when time is short."""
@@ -194,20 +204,22 @@ def choose_compensator(
             errors.append(error_on(strains, (r.strain for r in records), cut(train, share)[1]))
         return float(np.exp(np.mean(np.log(errors))))
 
-    methods = [Method(sensor=sensor, name="filter", direct=True) for sensor in sensors]
-    direct = Method(sensor=sensors[0], name="inverse", direct=True)
-    methods.append(direct)
+    methods = [Method(sensor=sensors[0], name="inverse", direct=True)]
+    methods += [Method(sensor=sensor, name="filter", direct=True) for sensor in sensors]
     methods += [Method(sensor=s, name="filter", direct=True, tail=SURE, wander=CALM) for s in sensors]
     plain = (replace(sensor, residual=0) for sensor in sensors if sensor.invertible)  # a network has no exact inverse
     methods += [Method(sensor=s, name=name, direct=False) for s in plain for name in ("inverse", "estimator")]
-    # the direct inverse takes a fraction of a second, and is often better than the only filter that there was time for
-    first = [methods[0], direct]
-    order = first + [method for method in methods if method not in first]
-    found = bench.best("compensator", order, lambda m: m.text, [judge], share=(0.7, 0.95), surely=len(first))
-    if not found:
+    found = bench.best("compensator", methods, lambda m: m.text, [judge], share=(0.5, 0.95), surely=2)
+
+    @cache
+    def holds(method: Method) -> bool:
+        fit = ready(FITTED[-1], method)
+        return (method.name == "inverse" and method.direct) or not any(self_test(fit, each).fails for each in records)
+
+    least = next((error for error, method in found if holds(method)), None)
+    if least is None:
         raise nothing_fitted()
-    close = [method for error, method in found if error <= NEAR * found[0][0]]
-    best = min(close, key=methods.index)
+    best = min((method for error, method in found if error <= NEAR * least and holds(method)), key=methods.index)
     # if another method has won, this filter serves whoever builds the FMU filter
     kept = best if best.name == "filter" else Method(sensor=best.sensor, name="filter", direct=best.direct)
     numbers = kept.numbers(tried(FITTED[-1], best.sensor)[1])
@@ -318,23 +330,19 @@ def choose(
     ends = [begin + share * budget for share in SHARES]
     full_scale = strain_range(records, full_scale)
     given = Given(full_scale=full_scale, rest_resistance=rest_resistance)
-    used = [k for k, rows in enumerate(train) if rows.any()]
-    whole, rows = _until_the_end_of_training([records[k] for k in used], [train[k] for k in used])
+    whole, rows = until_the_end_of_training(records, train)
     short, short_rows = shortened(whole, rows)
     bench = Bench(progress, ends[0])
     sensors = choose_sensors(short, short_rows, bench, **given)
     bench.until = ends[1]
-    inverse = choose_inverse(short, short_rows, bench, full_scale)
-    bench.until = ends[2]
-    sensors = [replace(settings, inverse=inverse) for settings in sensors]
-    method, tracking = choose_compensator(whole, rows, sensors, bench, **given)
+
+    @cache
+    def inverse(share: float, delay: int) -> DirectInverse:
+        return fit_direct(whole, cut(rows, share)[0], full_scale, delay=delay, calibrated=False)
+
+    delay = choose_delay(whole, rows, bench, full_scale, inverse)
+    sensors = [replace(settings, delay=delay) for settings in sensors]
+    method, tracking = choose_compensator(whole, rows, sensors, bench, partial(inverse, delay=delay), **given)
     progress(0.95, "fitting the winner to the whole training stretch")
     fit = fit_preisach(records, train, method.sensor, **given)
     return Chosen(fit=equipped(fit, method, tracking), method=method, trials=tuple(bench.trials), untried=bench.untried)
-
-
-def _until_the_end_of_training(records: list[Record], train: list[Rows]) -> tuple[tuple[Record, ...], tuple[Rows, ...]]:
-    """Return the records up to their last training samples: no trial sees what comes later."""
-    ends = [int(np.flatnonzero(rows)[-1]) + 1 for rows in train]
-    cropped = tuple(r.at(np.arange(end)) for r, end in zip(records, ends, strict=True))
-    return cropped, tuple(rows[:end] for rows, end in zip(train, ends, strict=True))

@@ -1,6 +1,7 @@
 r"""A sensor beside what any model must beat, with intervals of confidence from blocks of the test stretch.
 
-That is a static cubic, and a ridge regression on lags. Symbols: ``u`` input and ``y`` output of the map, resistance and
+That is a static cubic, a ridge regression on lags and, of strain, a perceptron on the same and a recurrent network, each as
+late as the sensor's compensator. Symbols: ``u`` input and ``y`` output of the map, resistance and
 strain in either order; ``X`` features of the regression: u, :math:`u^2`, :math:`u^3`, u at earlier samples, low-passes of u,
 and the low-passes times u.
 """
@@ -12,8 +13,9 @@ import numpy as np
 
 from ..arrays import Matrix, Rows, Vector
 from ..fitting.errors import nrmse
-from ..fitting.records import Record
-from .trials import cut
+from ..fitting.records import Record, cut
+from ..replay import Recovered
+from .rivals import perceptron, recurrent
 
 LAGS = 20  # [samples]
 LOW_PASSES = 8
@@ -23,7 +25,8 @@ DRAWS = 1000
 CONFIDENCE = 0.9
 LESS = 0.9  # of another error: below, an error is said to be less also where the intervals of confidence overlap
 HERE = "this sensor"
-RIVALS = ("static cubic", "regression on lags")
+NOW = "this sensor, without delay"
+RIVALS = ("static cubic", "regression on lags", "perceptron on lags", "recurrent network")
 DOES = {"forward": "predicts the output", "strain": "recovers the strain"}  # by the quantity of a ``Standing``
 Interval = tuple[float, float, float]  # value, low end, high end
 
@@ -38,26 +41,66 @@ def cubic(inputs: Sequence[Vector], outputs: Sequence[Vector], train: Sequence[R
     return tuple(np.asarray(fitted(np.clip(v, low, high))) for v in inputs)
 
 
+def networks(
+    records: Sequence[Record], inputs: Sequence[Vector], outputs: Sequence[Vector], train: Sequence[Rows], late: int
+) -> tuple[tuple[Vector, ...], tuple[Vector, ...]]:
+    """Return what a perceptron on lags and a recurrent network give; see ``regression``."""
+    u, y = (np.concatenate([v[rows] for v, rows in zip(values, train, strict=True)]) for values in (inputs, outputs))
+    low, size = (float(u.min()), float(y.min())), (float(np.ptp(u)) or 1.0, float(np.ptp(y)) or 1.0)
+    inputs = [(each - low[0]) / size[0] for each in inputs]
+    wanted = [np.roll((each - low[1]) / size[1], late) for each in outputs]
+    rows = [_known(each, late) for each in train]
+    X = [features_of(r.time, u, _times(records, train), late) for r, u in zip(records, inputs, strict=True)]
+
+    def trained(values: Sequence[Vector]) -> Vector:
+        return np.concatenate([each[known] for each, known in zip(values, rows, strict=True)])
+
+    static, moving = perceptron(trained(X), trained(wanted)), recurrent(trained(inputs), trained(wanted))
+    return (
+        tuple(low[1] + size[1] * _earlier(static(each), late) for each in X),
+        tuple(low[1] + size[1] * _earlier(moving(each), late) for each in inputs),
+    )
+
+
 def regression(
-    records: Sequence[Record], inputs: Sequence[Vector], outputs: Sequence[Vector], train: Sequence[Rows]
+    records: Sequence[Record], inputs: Sequence[Vector], outputs: Sequence[Vector], train: Sequence[Rows], late: int = 0
 ) -> tuple[Vector, ...]:
-    """Return what a ridge regression fitted to the training samples gives; the later ones of them choose its ridge."""
-    shortest = min(float(np.median(np.diff(r.time))) for r in records)
-    longest = max(float(np.ptp(r.time[rows])) for r, rows in zip(records, train, strict=True))
-    times = np.geomspace(3.0 * shortest, 0.25 * longest, LOW_PASSES)
-    X = [features_of(r.time, u, times) for r, u in zip(records, inputs, strict=True)]
-    early, late = cut(train)
+    """Return what a ridge regression fitted to the training samples gives; the later ones of them choose its ridge.
+
+    It may give an output so many samples ``late``, knowing the inputs since; the delay is taken back.
+    """
+    times = _times(records, train)
+    X = [features_of(r.time, u, times, late) for r, u in zip(records, inputs, strict=True)]
+    outputs, train = [np.roll(each, late) for each in outputs], [_known(rows, late) for rows in train]
+    early, held = cut(train)
     errors = []
     for ridge in RIDGES:
         predicted = _ridge(X, outputs, early, ridge)
-        squares = [((p - y)[rows]) ** 2 for p, y, rows in zip(predicted, outputs, late, strict=True)]
+        squares = [((p - y)[rows]) ** 2 for p, y, rows in zip(predicted, outputs, held, strict=True)]
         errors.append(float(np.mean(np.concatenate(squares))))
-    return _ridge(X, outputs, train, RIDGES[int(np.argmin(errors))])
+    return tuple(_earlier(each, late) for each in _ridge(X, outputs, train, RIDGES[int(np.argmin(errors))]))
 
 
-def features_of(time: Vector, u: Vector, times: Vector) -> Matrix:
-    """Return the features, shape (m, f), of an input at some times [s]."""
-    past = np.maximum(np.arange(u.size)[:, None] - np.arange(1, LAGS + 1), 0)
+def _times(records: Sequence[Record], train: Sequence[Rows]) -> Vector:
+    """Return the times of low-passes [s]."""
+    shortest = min(float(np.median(np.diff(r.time))) for r in records)
+    longest = max(float(np.ptp(r.time[rows])) for r, rows in zip(records, train, strict=True))
+    return np.geomspace(3.0 * shortest, 0.25 * longest, LOW_PASSES)
+
+
+def _known(rows: Rows, late: int) -> Rows:
+    """Return the training samples at which an output that is so many samples old is one too."""
+    return rows & np.roll(rows, late) & (np.arange(rows.size) >= late)
+
+
+def _earlier(values: Vector, late: int) -> Vector:
+    """Return values that are so many samples late at the samples that they are of; the last ones stay what they were."""
+    return values[np.minimum(np.arange(values.size) + late, values.size - 1)]
+
+
+def features_of(time: Vector, u: Vector, times: Vector, late: int = 0) -> Matrix:
+    """Return the features, shape (m, f), of an input at some times [s], for an output that is so many samples old."""
+    past = np.maximum(np.arange(u.size)[:, None] - np.arange(1, LAGS + late + 1), 0)
     low = np.empty((u.size, times.size))
     low[0] = state = np.full(times.size, u[0])
     for k, h in enumerate(np.diff(time)):
@@ -82,7 +125,7 @@ class Standing:
     Attributes
     ----------
     record, model : str
-        Which record, and which model: ``HERE`` or one of ``RIVALS``.
+        Which record, and which model: ``HERE``, ``NOW`` or one of ``RIVALS``.
     forward, strain : tuple of float, or None
         NRMSE [% of range] of the output and of the recovered strain: the value and the ends of its interval of 90 %
         confidence; None where there is none.
@@ -95,7 +138,7 @@ class Standing:
 
 
 def standings(
-    records: Sequence[Record], train: Sequence[Rows], predicted: Sequence[Vector], recovered: Sequence[Vector] | None
+    records: Sequence[Record], train: Sequence[Rows], predicted: Sequence[Vector], recovered: Sequence[Recovered]
 ) -> tuple[Standing, ...]:
     """Return the errors of a sensor and of its rivals on every test stretch.
 
@@ -105,19 +148,29 @@ def standings(
         The records.
     train : sequence of ndarray of bool
         Their training samples; the rivals are fitted to the same ones.
-    predicted, recovered : sequence of ndarray
-        Resistance [ohm] and strain [1] that the sensor gives; recovered None if it has no compensator.
+    predicted : sequence of ndarray
+        Resistance [ohm] that the sensor gives.
+    recovered : sequence of Recovered
+        Strain that its compensator recovers; empty if it has none.
     """
+    if all(rows.all() for rows in train):
+        return ()
     R, strain = [r.resistance for r in records], [r.strain for r in records]
     own = [k for k, rows in enumerate(train) if rows.any()]
+    steps = [float(np.median(np.diff(r.time))) for r in records]
+    late = max((round(found.delay / step) for found, step in zip(recovered, steps, strict=False)), default=0)
 
-    def fitted(u: list[Vector], y: list[Vector]) -> dict[str, dict[int, Vector]]:
+    def fitted(u: list[Vector], y: list[Vector], late: int) -> dict[str, dict[int, Vector]]:
         parts = [records[k] for k in own], [u[k] for k in own], [y[k] for k in own], [train[k] for k in own]
-        answers = cubic(*parts[1:]), regression(*parts)
-        return {name: dict(zip(own, answer, strict=True)) for name, answer in zip(RIVALS, answers, strict=True)}
+        answers = [cubic(*parts[1:]), regression(*parts, late)]
+        if y is strain and recovered:
+            answers += networks(*parts, late)
+        return {name: dict(zip(own, answer, strict=True)) for name, answer in zip(RIVALS, answers, strict=False)}
 
-    forward = {HERE: dict(enumerate(predicted))} | fitted(strain, R)
-    back: dict[str, dict[int, Vector]] = {HERE: dict(enumerate(recovered or ()))} | fitted(R, strain)
+    forward = {HERE: dict(enumerate(predicted))} | fitted(strain, R, 0)
+    back = {HERE: dict(enumerate(each.strain for each in recovered))}
+    back |= {NOW: dict(enumerate(each.present for each in recovered))} if late else {}
+    back |= fitted(R, strain, late)
 
     def interval(measured: Vector, given: Vector | None, rows: Rows) -> Interval | None:
         return None if given is None else error_interval(measured, given, rows)
@@ -126,12 +179,13 @@ def standings(
         Standing(
             record=record.name,
             model=model,
-            forward=interval(R[k], forward[model].get(k), ~train[k]),
+            forward=interval(R[k], forward.get(model, {}).get(k), ~train[k]),
             strain=interval(strain[k], back[model].get(k), ~train[k]),
         )
         for k, record in enumerate(records)
         if not train[k].all()
-        for model in (HERE, *RIVALS)
+        for model in (HERE, NOW, *RIVALS)
+        if model in back
     )
 
 

@@ -7,22 +7,21 @@ from functools import partial
 from itertools import product
 from typing import Unpack
 
-import numpy as np
 from gossamer_files.options import option
 
-from ..arrays import Rows, Vector
+from ..arrays import Rows
 from ..errors import DataError
-from ..fitting.records import Record
+from ..fitting.records import FITTED, Record, cut
+from ..sensor import DirectInverse
 from ..sensor.drives import EXTENSIONS
 from ..sensor.fit import PreisachSettings, fit_preisach
-from ..sensor.fit.preisach import inverse_settings, residual_steps, turn
-from ..sensor.fit.regression import prepare
-from ..sensor.fit.settings import Given, InverseSettings
-from .trials import FITTED, Bench, cut, error_on
+from ..sensor.fit.direct import recovered
+from ..sensor.fit.preisach import residual_steps
+from ..sensor.fit.settings import Given
+from .trials import Bench, error_on
 
 FIRST_RIDGE, RIDGES = 3e-3, (3e-2, 1e-3, 3e-4, 5e-5)
-INVERSE_RIDGES, MORE_INVERSE_RIDGES = (1e-1, 1e-3), (3e-1, 1e-2, 1e-4, 1e-5)
-INVERSE_KNOTS = (4, 9)
+DELAYS, WORTH = (0, 6, 24), 1.05  # of a direct inverse [samples]; times the least error: more delay is not worth less
 COMPARABLE = 1.25  # times the least error: a sensor that predicts worse is not taken for the sake of its compensator
 KINDS = 2  # sensors of different extensions that go on to the choice of the compensator
 
@@ -76,39 +75,25 @@ def choose_sensors(
     return _of_different_kinds(found)
 
 
-def choose_inverse(records: tuple[Record, ...], train: tuple[Rows, ...], bench: Bench, full_scale: float) -> InverseSettings:
-    """Return the settings of a direct inverse that gives the best strain; see ``choose_sensors``.
+def choose_delay(
+    records: tuple[Record, ...],
+    train: tuple[Rows, ...],
+    bench: Bench,
+    full_scale: float,
+    fitted: Callable[[float, int], DirectInverse],
+) -> int:
+    """Return by how many samples the strain of the direct inverse is delayed: the fewest of those that are about as good.
 
-    Notes
-    -----
-    What was still relaxing when a record began is fitted, but not counted when the strain is judged: the inverse that runs
-    later cannot know it.
+    ``fitted`` returns the inverse of a share of the training samples with a delay; see ``choose_sensors``.
     """
-    sensor = _hats("none", earlier=False, ridge=FIRST_RIDGE)
 
-    def judge(share: float, how: InverseSettings) -> float:
-        early, late = cut(train, share)
-        turned = turn(prepare(records, early, sensor, full_scale).stretches, 0.0, 1.0)
-        settings = inverse_settings(turned, replace(sensor, inverse=how))
-        fit = fit_preisach(turned.records, turned.train, settings, full_scale=1.0)
-        strains: list[Vector] = [np.clip(strain * full_scale, 0.0, full_scale) for strain in fit.alone]
-        return error_on(strains, (r.strain for r in records), late)
+    def judge(share: float, delay: int) -> float:
+        strains = [full_scale * recovered(fitted(share, delay), record)[:, 0] for record in records]
+        return error_on(strains, (r.strain for r in records), cut(train, share)[1])
 
-    ask: Callable[..., list[tuple[float, InverseSettings]]] = partial(
-        bench.best, "direct inverse", name=inverse_name, judges=[partial(judge, share) for share in FITTED]
-    )
-    # where time is short only the first is tried: without earlier relaxation, the safer one on the measured records
-    kinds = product(("reversing", "falling"), (False, True), INVERSE_RIDGES)
-    found = ask([InverseSettings(extension=x, earlier=e, ridge=r) for x, e, r in kinds], share=(0.4, 0.5))
-    for changes, share in (
-        ([{"ridge": ridge} for ridge in MORE_INVERSE_RIDGES], (0.5, 0.6)),
-        ([{"knots": knots} for knots in INVERSE_KNOTS], (0.6, 0.7)),
-    ):
-        if not found:
-            return InverseSettings()
-        found += ask([replace(found[0][1], **change) for change in changes], share=share)
-        found.sort(key=lambda pair: pair[0])
-    return found[0][1]
+    judges = [partial(judge, share) for share in FITTED]
+    found = bench.best("direct inverse", DELAYS, inverse_name, judges, share=(0.4, 0.5), surely=len(DELAYS))
+    return min((delay for error, delay in found if error <= WORTH * found[0][0]), default=0)
 
 
 def sensor_name(s: PreisachSettings) -> str:
@@ -117,9 +102,9 @@ def sensor_name(s: PreisachSettings) -> str:
     return f"{_relaxation_name(s.extension, earlier=s.earlier)}, ridge {s.density_ridge:g}{network}"
 
 
-def inverse_name(how: InverseSettings) -> str:
+def inverse_name(delay: int) -> str:
     """Return the settings of a direct inverse in words."""
-    return f"{_relaxation_name(how.extension, earlier=how.earlier)}, {how.knots} knots, ridge {how.ridge:g}"
+    return f"strain delayed by {delay} samples"
 
 
 def _relaxation_name(extension: str | None, *, earlier: bool | None) -> str:

@@ -15,22 +15,9 @@ from ..arrays import Rows, Vector
 from ..errors import GossamerError
 from ..fitting.records import Record, thin
 
-FITTED = (0.6, 0.8)  # of the training samples of every record; the rest is predicted
 MOST_TRIED = 4000  # samples of all records of a trial fit
 SEEDED = 5  # settings that every judge sees
 Setting = TypeVar("Setting")
-
-
-def cut(train: Sequence[Rows], share: float = FITTED[0]) -> tuple[tuple[Rows, ...], tuple[Rows, ...]]:
-    """Return the leading share of the training samples of every record, and the later ones."""
-    fitted, held = [], []
-    for rows in train:
-        places = np.flatnonzero(rows)
-        early = np.zeros_like(rows)
-        early[places[: round(share * places.size)]] = True
-        fitted.append(early)
-        held.append(rows & ~early)
-    return tuple(fitted), tuple(held)
 
 
 def shortened(records: Sequence[Record], train: Sequence[Rows]) -> tuple[tuple[Record, ...], tuple[Rows, ...]]:

@@ -28,7 +28,7 @@ from ..sensor.model import SCALE_VARIABLES, model_of, normalised, resting_state,
 from ..step_model import StepModel
 from ..variables import Results, Values, input_, output, parameter, select
 from .estimation import BACK, Drift, Leg, Smoothed, smooth
-from .inverse import TAKE_THE_FILTER, invert
+from .inverse import LATE_VARIABLES, TAKE_THE_FILTER, invert
 
 HALF_WIDTHS = (3, 8, 24)  # [samples] of the windows; the largest is the delay
 LAST_TURN = 0.5  # share of the variance of the last turning point that the strain shows until its loop closes
@@ -49,9 +49,7 @@ VARIABLES = (
     input_("known_strain", "1", "Present strain; read while known is 1", 0.0, 0.0, nominal=0.1),
     output("strain", "1", "Estimated strain, delay seconds ago", minimum=0.0, nominal=0.1),
     saturated("1 if neither a strain from 0 to full scale nor noise nor drift explains the resistance, else 0"),
-    output("present_strain", "1", "Estimated strain now: without delay, less accurate", minimum=0.0, nominal=0.1),
-    output("strain_deviation", "1", "Standard deviation of the error of strain", minimum=0.0, nominal=0.001),
-    output("delay", "s", "Delay of strain behind the resistance", minimum=0.0, nominal=1.0),
+    *LATE_VARIABLES,
     output("eta_correction", "1", "Relative correction of eta, learned from known and out-of-range strain", nominal=0.01),
 )
 

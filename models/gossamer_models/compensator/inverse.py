@@ -10,10 +10,7 @@ Its values on the lattice tell the interval; there every line that moves has a c
 the piece; there F plus the relaxation term is a quadratic, solved in closed form. Both are searched by bisection, since F
 does not decrease: its values at all N + 1 points of the lattice would cost ten times as much as the sensor's own step.
 
-Direct inverse: a sensor whose output may move against the strain has no inverse sample by sample, since the same rise of
-resistance may be loading or the start of unloading. The history of the resistance distinguishes them, so operators of the
-sensor's own kind, driven by the resistance, were fitted to the strain. They remember as much as a sensor does, and no
-equation is solved. They have eta = 1, so noise does not accumulate and there is no dead band.
+Direct inverse: see ``sensor/direct.py``.
 """
 
 from __future__ import annotations
@@ -26,21 +23,25 @@ import numpy as np
 from gossamer_files.options import option
 
 from ..errors import ParameterError
-from ..modes import phi_1
-from ..sensor.artifact import DirectInverse, SensorArtifact
+from ..sensor.artifact import SensorArtifact
+from ..sensor.direct import DirectLaw, DirectState, LowPass
 from ..sensor.hysteresis import Table, widths
 from ..sensor.law import SensorLaw, SensorState, excitation
-from ..sensor.model import SCALE_VARIABLES, clip, model_of, normalised, resistance, resting_state, saturated
+from ..sensor.model import SCALE_VARIABLES, model_of, normalised, resistance, resting_state, saturated
 from ..step_model import StepModel
 from ..variables import Results, Values, input_, output, parameter
 
 REACH_TOLERANCE = 1e-9  # a target this little [1] out of reach is rounding at the end of the range, not saturation
-SHORTEST_FILTER_TIME = 1e-300  # [s]; stands for 0
 DESCRIPTION = "Inverse of the strain sensor: recovers strain from resistance"
 TAKE_THE_FILTER = "Take the filter, which suits every sensor: 'gossamer build filter --artifact FILE'."
 
 DEAD_BAND = parameter(
     "dead_band", "ohm", "Strain stays while the resistance to explain is below this; 0 = off", 0.0, 0.0, nominal=1.0
+)
+LATE_VARIABLES = (
+    output("present_strain", "1", "Estimated strain now: without delay, less accurate", minimum=0.0, nominal=0.1),
+    output("strain_deviation", "1", "Standard deviation of the error of strain", minimum=0.0, nominal=0.001),
+    output("delay", "s", "Delay of strain behind the resistance", minimum=0.0, nominal=1.0),
 )
 COMMON_VARIABLES = (
     parameter(
@@ -53,50 +54,26 @@ COMMON_VARIABLES = (
 
 
 @dataclass(frozen=True, slots=True)
-class LowPass:
-    """State of a first-order low-pass on the resistance.
-
-    Attributes
-    ----------
-    filtered, last : casadi.MX, scalar
-        Filtered and measured resistance at the last sample [ohm].
-    """
-
-    filtered: ca.MX
-    last: ca.MX
-
-    def advance(self, R: ca.MX, T: ca.MX, h: ca.MX) -> LowPass:
-        r"""Return the state after a step.
-
-        Parameters
-        ----------
-        R : casadi.MX, scalar
-            Resistance [ohm] at its end.
-        T, h : casadi.MX, scalar
-            Filter time, 0 for none, and step [s].
-
-        Notes
-        -----
-        :math:`T \dot R_f = R - R_f`, exact for resistance linear over the step.
-        """
-        ratio = h / ca.fmax(T, SHORTEST_FILTER_TIME)
-        left, mean = ca.exp(-ratio), phi_1(ratio)
-        return LowPass(left * self.filtered + (mean - left) * self.last + (1.0 - mean) * R, R)
-
-
-@dataclass(frozen=True, slots=True)
 class CompensatorState:
-    """State of a compensator.
+    """State of an exact compensator.
 
     Attributes
     ----------
     sensor : SensorState
-        Memory of the operators: the sensor's, or those of a direct inverse.
+        Memory of the sensor.
     low_pass : LowPass
         Filter of the resistance.
     """
 
     sensor: SensorState
+    low_pass: LowPass
+
+
+@dataclass(frozen=True, slots=True)
+class DirectCompensatorState:
+    """State of a compensator with a direct inverse, see ``CompensatorState``."""
+
+    memory: DirectState
     low_pass: LowPass
 
 
@@ -258,31 +235,6 @@ def _mirror(nu: Table) -> Table:
     return mirrored
 
 
-class DirectLaw:
-    """A direct inverse: operators of the sensor's kind, driven by its output.
-
-    Parameters
-    ----------
-    inverse : DirectInverse
-        The operators and their range.
-    """
-
-    def __init__(self, inverse: DirectInverse) -> None:
-        self.inverse, self.law = inverse, SensorLaw(inverse.law)
-
-    def place(self, y: ca.MX) -> ca.MX:
-        """Return an output [1] over the range of the operators [1]."""
-        return (y - self.inverse.lowest) / (self.inverse.highest - self.inverse.lowest)
-
-    def rest(self, y: ca.MX) -> SensorState:
-        """Return their memory at rest at an output [1]."""
-        return self.law.rest(clip(self.place(y)))
-
-    def strain(self, state: SensorState) -> ca.MX:
-        """Return their strain [1]."""
-        return clip(self.inverse.offset + self.inverse.scale * state.output())
-
-
 def direct_model(artifact: SensorArtifact) -> StepModel:
     """Build the compensator that runs the direct inverse of an artifact.
 
@@ -294,8 +246,8 @@ def direct_model(artifact: SensorArtifact) -> StepModel:
     Returns
     -------
     StepModel
-        Input ``resistance`` [ohm]; outputs ``strain`` [1] and ``saturated`` [1]. The variables are those of the exact
-        inverse without ``dead_band``.
+        Input ``resistance`` [ohm]; outputs ``strain`` [1] with its delay and standard deviation, ``present_strain`` [1] and
+        ``saturated`` [1].
 
     Raises
     ------
@@ -309,20 +261,27 @@ def direct_model(artifact: SensorArtifact) -> StepModel:
         raise ParameterError(msg)
     direct, forward = DirectLaw(inverse), SensorLaw(replace(artifact, inverse=None))
 
-    def init(_: Values, p: Values) -> tuple[CompensatorState, Results]:
+    def init(_: Values, p: Values) -> tuple[DirectCompensatorState, Results]:
         rest = resting_state(forward, p)
         y = forward.output(rest)
         R = resistance(y, p)
-        return CompensatorState(direct.rest(y), LowPass(R, R)), {"strain": rest.s * p.full_scale_strain, "saturated": 0.0}
+        strain = rest.s * p.full_scale_strain
+        zero = dict.fromkeys(("saturated", "strain_deviation", "delay"), ca.MX(0.0))
+        return DirectCompensatorState(direct.rest(y), LowPass(R, R)), {"strain": strain, "present_strain": strain, **zero}
 
-    def step(x: CompensatorState, u: Values, p: Values, h: ca.MX) -> tuple[CompensatorState, Results]:
+    def step(x: DirectCompensatorState, u: Values, p: Values, h: ca.MX) -> tuple[DirectCompensatorState, Results]:
         low_pass = x.low_pass.advance(u.resistance, p.filter_time, h)
-        v = direct.place(normalised(low_pass.filtered, p))
-        state = direct.law.advance(x.sensor, clip(v), h)
-        outside = ca.logic_or(v < 0.0, v > 1.0)
-        return CompensatorState(state, low_pass), {
-            "strain": direct.strain(state) * p.full_scale_strain,
-            "saturated": outside,
+        y = normalised(low_pass.filtered, p)
+        state = direct.advance(x.memory, y, h)
+        features = direct.features(state)
+        strain, scatter, outside = direct.earlier(features)
+        return DirectCompensatorState(state, low_pass), {
+            "strain": strain * p.full_scale_strain,
+            "saturated": direct.beyond(y),
+            "present_strain": direct.present(features)[0] * p.full_scale_strain,
+            "strain_deviation": direct.deviation(scatter, outside) * p.full_scale_strain,
+            "delay": state.delay,
         }
 
-    return model_of(artifact, "compensator", DESCRIPTION, (*SCALE_VARIABLES, *COMMON_VARIABLES), init, step)
+    variables = (*SCALE_VARIABLES, *COMMON_VARIABLES, *LATE_VARIABLES)
+    return model_of(artifact, "compensator", DESCRIPTION, variables, init, step)

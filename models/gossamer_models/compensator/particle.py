@@ -26,11 +26,12 @@ import casadi as ca
 import numpy as np
 
 from ..sensor.artifact import DEFAULT_TRACKING, ErrorModel, SensorArtifact, Tracking, default_artifact
+from ..sensor.direct import DirectLaw, DirectState
 from ..sensor.law import SensorLaw, SensorState
 from ..sensor.model import SCALE_VARIABLES, clip, model_of, normalised, resting_state, saturated
 from ..step_model import StepModel
 from ..variables import Results, Values, input_, output, parameter
-from .inverse import DirectLaw
+from .inverse import LATE_VARIABLES
 
 PARTICLES = 96
 DELAY = 24  # [samples]
@@ -53,9 +54,7 @@ VARIABLES = (
     input_("resistance", "ohm", "Measured resistance, one sample per step", 100.0, nominal=100.0),
     output("strain", "1", "Estimated strain, delay seconds ago", minimum=0.0, nominal=0.1),
     saturated("1 if no hypothesis of the strain explains the resistance, else 0"),
-    output("present_strain", "1", "Estimated strain now: without delay, less accurate", minimum=0.0, nominal=0.1),
-    output("strain_deviation", "1", "Standard deviation of the error of strain", minimum=0.0, nominal=0.001),
-    output("delay", "s", "Delay of strain behind the resistance", minimum=0.0, nominal=1.0),
+    *LATE_VARIABLES,
 )
 
 
@@ -97,8 +96,8 @@ class FilterState:
         Their weights [1].
     vb, vc : casadi.MX, scalar
         Variances of the slow errors [1].
-    inverse : SensorState
-        Memory of the direct inverse.
+    inverse : DirectState, or casadi.MX without an element
+        State of the direct inverse.
     steps : casadi.MX, shape (M,)
         The latest steps [s].
     place : casadi.MX, shape (2,)
@@ -109,7 +108,7 @@ class FilterState:
     w: ca.MX
     vb: ca.MX
     vc: ca.MX
-    inverse: SensorState
+    inverse: DirectState | ca.MX
     steps: ca.MX
     place: ca.MX
 
@@ -147,7 +146,8 @@ def filter_model(artifact: SensorArtifact | None = None, particles: int = PARTIC
     artifact = default_artifact() if artifact is None else artifact
     law = SensorLaw(replace(artifact, inverse=None))
     tracking = artifact.tracking or DEFAULT_TRACKING
-    direct = None if artifact.inverse is None or tracking.inverse is None else DirectLaw(artifact.inverse)
+    inverse = None if tracking.inverse is None else artifact.inverse
+    direct = None if inverse is None else DirectLaw(replace(inverse, ahead=(), later=()))
 
     def init(_: Values, p: Values) -> tuple[FilterState, Results]:
         rest = resting_state(law, p)
@@ -163,7 +163,7 @@ def filter_model(artifact: SensorArtifact | None = None, particles: int = PARTIC
             ca.MX(ca.DM.ones(1, particles)) / particles,
             unknown,
             unknown,
-            SensorState(*7 * [ca.MX(0, 1)]) if direct is None else direct.rest(law.output(rest)),
+            ca.MX(0, 1) if direct is None else direct.rest(law.output(rest)),
             ca.MX.zeros(delay),
             ca.MX.zeros(2),
         )
@@ -172,9 +172,9 @@ def filter_model(artifact: SensorArtifact | None = None, particles: int = PARTIC
     def step(x: FilterState, u: Values, p: Values, h: ca.MX) -> tuple[FilterState, Results]:
         y = normalised(u.resistance, p)
         inverse, aim = x.inverse, None
-        if direct is not None:
-            inverse = direct.law.advance(x.inverse, clip(direct.place(y)), h)
-            aim = direct.strain(inverse)
+        if direct is not None and isinstance(inverse, DirectState):
+            inverse = direct.advance(inverse, y, h)
+            aim = direct.present(direct.features(inverse))[0]
         place = _fraction(x.place + ca.DM(PLASTIC))
         # move and predict
         s, v, factor = _move(x.hypotheses, tracking, aim, place, h)

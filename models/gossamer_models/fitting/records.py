@@ -18,6 +18,7 @@ from ..arrays import Rows, Vector
 from ..errors import DataError, require
 
 PARTS = 4  # of a training stretch that is cut to predict its later parts
+FITTED = (0.6, 0.8)  # of the training samples of every record; the rest is predicted
 LONGEST_GAP = 20.0  # median steps; a longer step is a gap
 LARGE_STRAIN = 0.5  # [1] a strain without a unit that reaches this may be in per cent
 MOST_SAMPLES = 50_000  # of all records of a fit
@@ -344,3 +345,23 @@ def forward_cuts(train: tuple[Rows, ...]) -> Iterator[tuple[tuple[Rows, ...], tu
 
     for k in range(PARTS // 2, PARTS):
         yield some(slice(k)), some(slice(k, k + 1))
+
+
+def cut(train: Sequence[Rows], share: float = FITTED[0]) -> tuple[tuple[Rows, ...], tuple[Rows, ...]]:
+    """Return the leading share of the training samples of every record, and the later ones."""
+    fitted, held = [], []
+    for rows in train:
+        places = np.flatnonzero(rows)
+        early = np.zeros_like(rows)
+        early[places[: round(share * places.size)]] = True
+        fitted.append(early)
+        held.append(rows & ~early)
+    return tuple(fitted), tuple(held)
+
+
+def until_the_end_of_training(
+    records: Sequence[Record], train: Sequence[Rows]
+) -> tuple[tuple[Record, ...], tuple[Rows, ...]]:
+    """Return the records that are trained on, up to their last training samples: nothing sees what comes later."""
+    ends = {k: int(np.flatnonzero(rows)[-1]) + 1 for k, rows in enumerate(train) if rows.any()}
+    return tuple(records[k].at(np.arange(end)) for k, end in ends.items()), tuple(train[k][:end] for k, end in ends.items())

@@ -7,19 +7,21 @@ that stand for :math:`e^{-b t^c}`. Strain is normalised by its full scale, outpu
 scale.
 
 A small network may correct the output by what the memory shows: ``X`` features of a sensor's state over their trained range,
--1 to 1 [1]; hidden units ``a`` [1]; ``r`` correction of the normalised output [1],
+-1 to 1 [1]; hidden units ``a`` [1]; ``r`` what it gives [1],
 
-.. math:: a = \tanh(W X + c), \qquad r = G\, B \tanh(w \cdot a / B), \qquad
+.. math:: a = \tanh(W X + c), \qquad r = B \tanh(w \cdot a / B), \qquad
    G = \max(0,\, 1 - \sum_i \max(|X_i| - 1, 0) / m).
 
-The gate ``G`` is 1 within the range that the network was trained in, and 0 where the features together leave it by more
-than the margin m of half of their range: there the physics stands alone. The bound ``B`` limits the correction.
+The bound ``B`` limits it. The correction of the output is ``G r``: the gate ``G`` is 1 within the range that the network was
+trained in, and 0 where the features together leave it by more than the margin m of half of their range: there the physics
+stands alone. To the networks of a direct inverse (``direct.py``) features beyond that range are at its ends.
 """
 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, fields
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 
 import casadi as ca
@@ -112,8 +114,8 @@ DEFAULT_TRACKING = Tracking(output=ErrorModel(white=3e-3, slow=5e-3, time=10.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Residual:
-    """Weights of the network.
+class Network:
+    """Weights of a network.
 
     Attributes
     ----------
@@ -145,16 +147,23 @@ class Residual:
         numbers = np.concatenate([np.ravel(getattr(self, each.name)) for each in fields(self)]) if sizes else [np.nan]
         require(
             sizes and len(self.out) == H and np.isfinite(numbers).all() and self.bound > 0.0,
-            f"the residual network of {F} features and {H} units is not complete. Identify the sensor again.",
+            f"the network of {F} features and {H} units is not complete. Identify the sensor again.",
         )
 
-    def correction(self, features: ca.MX) -> ca.MX:
-        """Return r [1], scalar or shape (1, P), from features [1], shape (F,) or (F, P)."""
+    def place(self, features: ca.MX) -> ca.MX:
+        """Return X [1] of features [1], shape (F,) or (F, P)."""
         low, half = ca.DM(self.lowest), 0.5 * (ca.DM(self.highest) - ca.DM(self.lowest))
-        X = (features - across(low, features)) / across(half, features) - 1.0
-        a = ca.tanh(ca.mtimes(ca.DM(self.hidden), X) + across(ca.DM(self.bias), features))
-        gate = ca.fmax(1.0 - ca.sum1(ca.fmax(ca.fabs(X) - 1.0, 0.0)) / MARGIN, 0.0)
-        return gate * self.bound * ca.tanh(ca.mtimes(ca.DM(self.out).T, a) / self.bound)
+        return (features - across(low, features)) / across(half, features) - 1.0
+
+    def value(self, X: ca.MX) -> ca.MX:
+        """Return r [1], scalar or shape (1, P)."""
+        a = ca.tanh(ca.mtimes(ca.DM(self.hidden), X) + across(ca.DM(self.bias), X))
+        return self.bound * ca.tanh(ca.mtimes(ca.DM(self.out).T, a) / self.bound)
+
+    def correction(self, features: ca.MX) -> ca.MX:
+        """Return G r [1], scalar or shape (1, P), from features [1], shape (F,) or (F, P)."""
+        X = self.place(features)
+        return ca.fmax(1.0 - ca.sum1(ca.fmax(ca.fabs(X) - 1.0, 0.0)) / MARGIN, 0.0) * self.value(X)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -192,7 +201,7 @@ class SensorArtifact:
         Terms of the dynamic operators; empty for a rate-independent sensor.
     inverse : DirectInverse or None
         Direct inverse from output to strain, where one was identified (extension); None for the exact inverse.
-    residual : Residual or None
+    residual : Network or None
         Network that corrects the output (extension); such a sensor has no exact inverse.
     tracking : Tracking or None
         Numbers of the filter of strain, where they were identified; None for ``DEFAULT_TRACKING``.
@@ -219,7 +228,7 @@ class SensorArtifact:
     nu: Table
     relaxation: tuple[RelaxationTerm, ...] = ()
     inverse: DirectInverse | None = None
-    residual: Residual | None = None
+    residual: Network | None = None
     tracking: Tracking | None = None
     compensator: str | None = None
     scales: Scales | None = None
@@ -240,6 +249,8 @@ class SensorArtifact:
         require(
             self.error is None or 0.0 < self.error < np.inf, f"the error is {self.error}; a deviation is positive. {again}"
         )
+        trained = self.inverse is None or (self.inverse.networks and bool(self.inverse.ahead) == bool(self.inverse.later))
+        require(trained, f"the direct inverse lacks networks. {again}")
         for name, table in (("mu", self.mu), ("nu", self.nu)):
             _check_table(name, table, (len(self.mu), len(self.mu)))
 
@@ -249,8 +260,11 @@ class SensorArtifact:
         return self.residual is None and not any(term.signed or term.gain for term in self.relaxation)
 
     def states_deviation(self, method: str | None) -> bool:
-        """Tell whether a compensator states its deviation: no filter does whose numbers were not identified."""
-        return (method or self.compensator) != "filter" or self.tracking is not None
+        """Tell whether a compensator states its deviation: not where its numbers were not identified."""
+        method = method or self.compensator
+        if method == "filter":
+            return self.tracking is not None
+        return method == "estimator" or (method != "exact" and self.inverse is not None and self.inverse.floor > 0.0)
 
     @property
     def n_lines(self) -> int:
@@ -280,29 +294,50 @@ class SensorArtifact:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DirectInverse:
-    """Direct inverse: the same kind of operators, driven by the output, whose result is the strain.
+    """Direct inverse: operators that the output drives, and networks that read the strain from their memory, ``direct.py``.
 
     Attributes
     ----------
-    law : SensorArtifact
-        Operators over the normalised output.
     lowest, highest : float
-        Normalised outputs [1] that the range of ``law`` begins and ends with.
-    offset, scale : float
-        Normalised strain [1] = offset + scale * result of ``law``.
+        Normalised outputs [1] of training: between them the output counts from 0 to 1.
+    widths, times : tuple of float
+        Half widths of the plays [1], times of the low-passes [s].
+    networks : tuple of Network
+        Each gives the present normalised strain [1] less one half; their mean counts. Empty before they are trained.
+    ahead : tuple of int
+        How many samples later than a strain the outputs are that tell it, increasing; empty for none.
+    step : float
+        Samples of ``ahead`` are no closer than this [s].
+    later : tuple of Network
+        Give the strain that is as old as the last of ``ahead``.
+    factor, floor : float
+        Of the stated deviation, see ``DirectLaw.deviation`` [1]; both 0 where it was not calibrated.
     """
 
-    law: SensorArtifact
     lowest: float
     highest: float
-    offset: float
-    scale: float
+    widths: tuple[float, ...]
+    times: tuple[float, ...]
+    networks: tuple[Network, ...] = ()
+    ahead: tuple[int, ...] = ()
+    step: float = 0.0
+    later: tuple[Network, ...] = ()
+    factor: float = 0.0
+    floor: float = 0.0
 
     def __post_init__(self) -> None:
+        again = "Identify it again."
+        numbers = (self.lowest, self.highest, *self.widths, *self.times, self.step, self.factor, self.floor)
+        positive = min((*self.widths, *self.times), default=1.0) > 0.0 <= min(self.step, self.factor, self.floor)
+        increasing = all(a < b for a, b in pairwise((0, *self.ahead)))
         require(
-            np.isfinite((self.lowest, self.highest, self.offset, self.scale)).all() and self.lowest < self.highest,
-            f"a direct inverse runs from {self.lowest:g} to {self.highest:g}: need a rising range. Identify it again.",
+            np.isfinite(numbers).all() and positive and increasing and self.lowest < self.highest,
+            f"a direct inverse needs a rising range, positive numbers and increasing samples. {again}",
         )
+        n = 1 + len(self.widths) + len(self.times)
+        for networks, count in ((self.networks, n), (self.later, n + len(self.ahead))):
+            fits = all(len(each.lowest) == count for each in networks)
+            require(fits, f"the networks of a direct inverse see {count} features. {again}")
 
 
 @cache

@@ -89,7 +89,7 @@ def _comparisons(result: Identified) -> list[Comparison]:
     """Return the errors on the test stretches beside those of the rivals; none without a test stretch."""
     found = []
     for own in (each for each in result.standings if each.model == HERE):
-        others = [each for each in result.standings if each.record == own.record and each.model != HERE]
+        others = [each for each in result.standings if each.record == own.record and each.model in RIVALS]
         for quantity, does in (("resistance", "is predicted"), ("strain", "is recovered")):
             name = "forward" if quantity == "resistance" else "strain"
             if (error := getattr(own, name)) is not None:

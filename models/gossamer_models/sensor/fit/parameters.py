@@ -105,7 +105,7 @@ def block(
 
 
 def parameter_blocks(
-    settings: PreisachSettings, regression: Regression, rest_resistance: float | None, *, positive_rest: bool = True
+    settings: PreisachSettings, regression: Regression, rest_resistance: float | None
 ) -> tuple[ParameterBlock, ...]:
     """Return all parameters in order; the resistance at rest [ohm] is one of them where it is None."""
     blocks = [*_density_blocks(settings), *_kernel_blocks(settings, regression.kernels)]
@@ -114,7 +114,7 @@ def parameter_blocks(
         blocks += [block(f"v{r + 1}", np.zeros(n_v), lowest, linear=True, stiffness=1e-3) for r in regression.fitted]
     if rest_resistance is None:
         first = np.array([min(float(regression.stretches[k].y[0]) for k in regression.fitted)])
-        lowest = least_rest(regression) if positive_rest else -np.inf
+        lowest = least_rest(regression)
         blocks.append(block("y0", np.maximum(first, lowest), lowest, linear=True, stiffness=REST_STIFFNESS))
     else:
         rest = rest_resistance / regression.unit

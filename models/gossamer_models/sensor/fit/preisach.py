@@ -8,85 +8,25 @@ The resistance, ``Stretch.response``, is linear in the amplitudes of mu, in g, k
 and c come from the constrained Gauss-Newton method of ``fitting/constrained.py``. The error is that of Eq. (4.18) of
 the thesis.
 
-The direct inverse from resistance to strain is a fit to records with both exchanged, with operators of either sign.
+The direct inverse from resistance to strain is fitted by itself, see ``direct.py``.
 """
 
 from dataclasses import dataclass, field, replace
 from typing import Unpack
 
-import numpy as np
-
 from ...arrays import Matrix, Rows, Vector
 from ...fitting.constrained import GaussNewton, Solution
 from ...fitting.errors import SensorFit
 from ...fitting.records import Record, check_rest, forward_cuts, noise_of, strain_range
-from ..artifact import MIN_SPRING_WEIGHT, DirectInverse, Scales, SensorArtifact
+from ..artifact import DirectInverse, Scales, SensorArtifact
+from .direct import fit_direct
+from .networks import choose_steps, corrections, features_of
+from .networks import train as train_network
 from .parameters import ParameterBlock
-from .regression import Stretch, prepare
-from .residual import choose_steps, corrections, features_of
-from .residual import train as train_network
+from .regression import prepare
 from .settings import Given, PreisachSettings
 from .solve import Watch, choose_ridge, solve
 from .weights import normalised_output, normalised_sensor, weight_function
-
-SHORTEST, LONGEST = 0.15, 0.25  # of a sample and of the record: times of the kernels
-LEAST_RELAXATIONS = 7
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Turned:
-    """Records whose strain is the sensor's output and whose output is the strain.
-
-    Attributes
-    ----------
-    records : tuple of Record
-        The fitted records, output over its range in place of strain.
-    train : tuple of ndarray of bool
-        Samples to fit.
-    lowest, highest : float
-        Normalised output [1] at the ends of that range.
-    """
-
-    records: tuple[Record, ...]
-    train: tuple[Rows, ...]
-    lowest: float
-    highest: float
-
-
-def turn(stretches: tuple[Stretch, ...], y0: float, rise: float) -> Turned:
-    """Exchange strain and resistance, which is ``y0 + rise * normalised output``."""
-    fitted = [s for s in stretches if s.train.any()]
-    outputs = [(s.y - y0) / rise for s in fitted]
-    lowest = min(float(v[s.train].min()) for v, s in zip(outputs, fitted, strict=True))
-    highest = max(float(v[s.train].max()) for v, s in zip(outputs, fitted, strict=True))
-    records = tuple(
-        replace(s.record, strain=np.clip((v - lowest) / (highest - lowest), 0.0, 1.0), resistance=s.strain)
-        for v, s in zip(outputs, fitted, strict=True)
-    )
-    return Turned(records=records, train=tuple(s.train for s in fitted), lowest=lowest, highest=highest)
-
-
-def inverse_settings(turned: Turned, forward: PreisachSettings) -> PreisachSettings:
-    """Return how to fit turned records: with as many kernels as forward, and a gain where the sensor has one."""
-    shortest = min(float(np.median(np.diff(r.time))) for r in turned.records)
-    longest = max(float(np.ptp(r.time[rows])) for r, rows in zip(turned.records, turned.train, strict=True))
-    tau = np.geomspace(SHORTEST * shortest, LONGEST * longest, max(forward.relaxations, LEAST_RELAXATIONS))
-    how = forward.inverse
-    return PreisachSettings(
-        density="hats",
-        knots=how.knots,
-        relaxations=tau.size,
-        tau=tuple(tau.tolist()),
-        exponents=(1.0,) * tau.size,
-        extension=how.extension or ("reversing" if any(drive.gain for drive in forward.drives) else "falling"),
-        signed=True,
-        eta=(1.0, 1.0),
-        ridge=how.ridge,
-        earlier=forward.earlier if how.earlier is None else how.earlier,
-        least_slope=MIN_SPRING_WEIGHT,
-        least_weight=0.0,
-        starts=1,
-    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,7 +78,6 @@ def fit_preisach(
     *,
     full_scale: float | None = None,
     rest_resistance: float | None = None,
-    positive_rest: bool = True,
     watch: Watch | None = None,
     inverse: bool = True,
 ) -> PreisachFit:
@@ -156,8 +95,6 @@ def fit_preisach(
         Strain [1] at the end of the range; None for the largest in the records.
     rest_resistance : float or None
         Resistance [ohm] of the unstrained sensor at rest, where it is known; None to fit it.
-    positive_rest : bool
-        Keep the fitted resistance at rest positive where the output is nowhere negative, as that of a resistance.
     watch : callable, optional
         Called with the name of the start, the iteration and the root mean square error [% of range].
     inverse : bool
@@ -182,12 +119,10 @@ def fit_preisach(
     if settings.residual == "auto":
         settings = replace(settings, residual=residual_steps(records, train, settings, **given))
     regression = prepare(records, train, settings, full_scale)
-    weights = weight_function(settings, regression, rest_resistance, positive_rest=positive_rest)
+    weights = weight_function(settings, regression, rest_resistance)
     solver, solutions = solve(weights, regression, settings, watch)
     x, unit = solutions[0].x, regression.unit
     artifact, y0, rise = normalised_sensor(settings, weights, x, regression)
-    if inverse and (settings.direct_inverse or not settings.invertible or settings.residual):
-        artifact = replace(artifact, inverse=_direct_inverse(regression.stretches, y0, rise, settings))
     if y0 > 0.0:  # a resistance, not a signal
         scales = Scales(rest_resistance=y0 * unit, full_scale_resistance_change=rise * unit, full_scale_strain=full_scale)
         artifact = replace(artifact, scales=scales)
@@ -210,7 +145,17 @@ def fit_preisach(
         solver=solver,
         blocks=weights.blocks,
     )
-    return _with_network(fit, int(settings.residual)) if settings.residual else fit
+    if settings.residual:
+        fit = _with_network(fit, int(settings.residual))
+    if inverse and (settings.direct_inverse or not settings.invertible or settings.residual):
+        fit = with_direct(fit, fit_direct(records, train, full_scale, delay=settings.delay, seed=settings.seed))
+    return fit
+
+
+def with_direct(fit: PreisachFit, inverse: DirectInverse) -> PreisachFit:
+    """Return a fit with a direct inverse whose range is in the units of the records [ohm]."""
+    low, high = ((end - fit.rest_resistance) / fit.resistance_change for end in (inverse.lowest, inverse.highest))
+    return replace(fit, artifact=replace(fit.artifact, inverse=replace(inverse, lowest=low, highest=high)))
 
 
 def residual_steps(
@@ -242,18 +187,4 @@ def _with_network(fit: PreisachFit, steps: int) -> PreisachFit:
         artifact=replace(fit.artifact, residual=network),
         predicted=tuple(p + change for p, change in zip(fit.predicted, changes, strict=True)),
         alone=tuple(p + change for p, change in zip(fit.alone, changes, strict=True)),
-    )
-
-
-def _direct_inverse(stretches: tuple[Stretch, ...], y0: float, rise: float, forward: PreisachSettings) -> DirectInverse:
-    """Fit the operators from resistance to strain, on the training stretches."""
-    turned = turn(stretches, y0, rise)
-    settings = inverse_settings(turned, forward)
-    fit = fit_preisach(turned.records, turned.train, settings, full_scale=1.0, positive_rest=False)
-    return DirectInverse(
-        law=replace(fit.artifact, scales=None, noise=None),
-        lowest=turned.lowest,
-        highest=turned.highest,
-        offset=fit.rest_resistance,
-        scale=fit.resistance_change,
     )

@@ -20,28 +20,6 @@ class Given(TypedDict):
     rest_resistance: float | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class InverseSettings:
-    """How to fit a direct inverse.
-
-    Attributes
-    ----------
-    extension : str or None
-        Key of ``EXTENSIONS``; None for ``reversing`` where the sensor has a gain, else ``falling``.
-    knots : int
-        Knots of the hat functions along each axis.
-    ridge : float
-        Pull towards small densities and relaxation.
-    earlier : bool or None
-        Whether relaxation from before a record is fitted too; None as for the sensor.
-    """
-
-    extension: str | None = None
-    knots: int = 6
-    ridge: float = 1e-3
-    earlier: bool | None = None
-
-
 @dataclass(frozen=True, kw_only=True)
 class PreisachSettings:
     r"""How to fit.
@@ -68,6 +46,8 @@ class PreisachSettings:
         include it.
     direct_inverse : bool
         Whether to fit the direct inverse from resistance to strain too; it then replaces the exact inverse.
+    delay : int
+        Samples by which its strain may be late: 0, or one of ``direct.AHEAD``.
     least_slope, least_weight : float
         Lower bounds of mu on the elastic line and on all others, in units of the output's range. Noise on the resistance is
         amplified by no more than the inverse of the first.
@@ -93,8 +73,6 @@ class PreisachSettings:
         data require them.
     most_iterations : int
         Most iterations per start.
-    inverse : InverseSettings
-        How to fit a direct inverse, where there is one.
     """
 
     OPTIONS: ClassVar[dict[str, tuple[str, ...]]] = {  # what a user may choose, and the models that have it
@@ -113,6 +91,7 @@ class PreisachSettings:
     ridge: float | Literal["auto"] | None = None
     earlier: bool = False
     direct_inverse: bool = False
+    delay: int = 0
     residual: int | Literal["auto"] = 0
     least_slope: float = 0.02
     starts: int = 2
@@ -131,7 +110,6 @@ class PreisachSettings:
     kernel_stiffness: float = 1e-3
     relaxation_ridge: float = 1e-3
     most_iterations: int = 60
-    inverse: InverseSettings = InverseSettings()
 
     @classmethod
     def of(cls, model: str, **chosen: Any) -> PreisachSettings:  # noqa: ANN401

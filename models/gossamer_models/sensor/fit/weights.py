@@ -60,10 +60,10 @@ class WeightFunction:
 
 
 def weight_function(
-    settings: PreisachSettings, regression: Regression, rest_resistance: float | None = None, *, positive_rest: bool = True
+    settings: PreisachSettings, regression: Regression, rest_resistance: float | None = None
 ) -> WeightFunction:
     """Build the weights for some records; the resistance at rest [ohm] is fitted where it is None, see ``fit_preisach``."""
-    blocks = parameter_blocks(settings, regression, rest_resistance, positive_rest=positive_rest)
+    blocks = parameter_blocks(settings, regression, rest_resistance)
     x = ca.MX.sym("x", sum(b.size for b in blocks))
     p = by_block(blocks, x)
 

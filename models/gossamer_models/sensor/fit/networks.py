@@ -1,12 +1,13 @@
-r"""Training of the residual network on what a fitted sensor leaves over.
+r"""Training of the small networks of a sensor: on what it leaves over, and for its direct inverse.
 
-Symbols: ``X`` features over their range [1], ``r`` remaining output [1], ``B`` bound; the parameters are those of
-``Residual`` in one vector. The network is small and its training stops early: after as many iterations as
-predict the later parts of the training stretch best.
+Symbols: ``X`` features over their range [1], ``r`` target [1], ``B`` bound; the parameters are those of ``Network`` in one
+vector. The training of a residual network stops early: after as many iterations as predict the later parts of the training
+stretch best.
 """
 
 from collections.abc import Callable, Sequence
 from itertools import count
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -15,49 +16,63 @@ from scipy.optimize import minimize
 from ...arrays import Matrix, Rows, Vector
 from ...fitting.records import Record
 from ...variables import pack, unpack
-from ..artifact import Residual, SensorArtifact
+from ..artifact import Network, SensorArtifact
+from ..direct import DirectLaw
 from ..law import SensorLaw
 
 HIDDEN = 8  # units
 MOST_STEPS, LOOK = 150, 5  # iterations, and how many pass between two looks at the held samples
-DECAY = 1e-3  # of the squares of the weights, relative to the mean square of what remains
-BOUND = 2.0  # times the largest remaining output in training
+DECAY = 1e-3  # of the squares of the weights of a residual network, relative to the mean square of what remains
+BOUND = 2.0  # times the largest target in training
+AT_ONCE = 100  # samples of one call: to build a call of all of a long record takes longer than to run it
 SPREAD = 0.05  # least range of a feature [1]
 WORTH = 0.98  # of the error without the network: less is no reason for one
 
 
 def features_of(artifact: SensorArtifact, record: Record, full_scale: float) -> Matrix:
     """Return the features of a sensor, shape (m, F), over the strain of a record that starts at rest."""
-    law = SensorLaw(artifact)
-    strain = np.clip(record.strain / full_scale, 0.0, 1.0)
-    rest = law.rest(ca.MX(float(strain[0])))
+    return memory(SensorLaw(artifact), np.clip(record.strain / full_scale, 0.0, 1.0), record.time)
+
+
+def memory(law: SensorLaw | DirectLaw, values: Vector, time: Vector) -> Matrix:
+    """Return the features of a law, shape (m, F), whose strain or output [1] has values at some times [s], from rest."""
+    which: Any = law
+    rest = which.rest(ca.MX(float(values[0])))
     x, s, h = ca.MX.sym("x", pack(rest).numel()), ca.MX.sym("s"), ca.MX.sym("h")
-    state = law.advance(unpack(rest, x), s, h)
-    step = ca.Function("step", [x, s, h], [pack(state), law.features(state)])
-    first = ca.Function("first", [], [pack(rest), law.features(rest)])()
-    _, later = step.mapaccum("all", strain.size - 1)(first["o0"], strain[1:][None, :], np.diff(record.time)[None, :])
-    return np.vstack([first["o1"].full().T, later.full().T])
+    state = which.advance(unpack(rest, x), s, h)
+    step = ca.Function("step", [x, s, h], [pack(state), which.features(state)])
+    first = ca.Function("first", [], [pack(rest), which.features(rest)])()
+    many, at, found = step.mapaccum("many", AT_ONCE), first["o0"], [first["o1"]]
+    for k in range(1, values.size, AT_ONCE):
+        part = np.minimum(np.arange(k, k + AT_ONCE), values.size - 1)  # the last place stands for those after the end
+        states, features = many(at, values[part][None, :], (time[part] - time[part - 1])[None, :])
+        at = states[:, -1]
+        found.append(features)
+    return np.asarray(ca.horzcat(*found).full().T[: values.size])
 
 
 def train(
     features: Sequence[Matrix],
-    remaining: Sequence[Vector],
+    targets: Sequence[Vector],
     rows: Sequence[Rows],
     steps: int,
     *,
+    decay: float = DECAY,
     seed: int = 0,
-    watch: Callable[[Residual], None] | None = None,
-) -> Residual:
+    watch: Callable[[Network], None] | None = None,
+) -> Network:
     """Train a network on some samples of some records.
 
     Parameters
     ----------
-    features, remaining : sequence of ndarray, shape (m, F) and (m,)
-        Of every record: features and remaining output [1].
+    features, targets : sequence of ndarray, shape (m, F) and (m,)
+        Of every record: features, and what the network has to give [1].
     rows : sequence of ndarray of bool, shape (m,)
         Samples to train on.
     steps : int
         Iterations of L-BFGS.
+    decay : float
+        Weight of the squares of the weights, relative to the mean square of the targets.
     seed : int
         Of the first weights.
     watch : callable, optional
@@ -65,11 +80,11 @@ def train(
 
     Returns
     -------
-    Residual
+    Network
         The network.
     """
     F = np.vstack([f[k] for f, k in zip(features, rows, strict=True)])
-    r = np.concatenate([e[k] for e, k in zip(remaining, rows, strict=True)])
+    r = np.concatenate([e[k] for e, k in zip(targets, rows, strict=True)])
     low, high = F.min(axis=0), F.max(axis=0)
     middle, half = 0.5 * (low + high), np.maximum(0.5 * (high - low), 0.5 * SPREAD)
     low, high = middle - half, middle + half
@@ -89,12 +104,12 @@ def train(
         back = (2.0 / (size * r.size)) * off * (1.0 - t**2)
         hidden = (back[:, None] * w) * (1.0 - a**2)
         slope = np.concatenate([(hidden.T @ X).ravel(), hidden.sum(axis=0), (a.T @ back) * bound])
-        return float(np.mean(off**2)) / size + DECAY * float(p @ p), slope + 2.0 * DECAY * p
+        return float(np.mean(off**2)) / size + decay * float(p @ p), slope + 2.0 * decay * p
 
-    def network(p: Vector) -> Residual:
+    def network(p: Vector) -> Network:
         W, c, w = split(p)
         rows_of = tuple(map(tuple, W.tolist()))
-        return Residual(
+        return Network(
             lowest=tuple(low.tolist()),
             highest=tuple(high.tolist()),
             hidden=rows_of,
@@ -108,7 +123,7 @@ def train(
     return network(found.x)
 
 
-def corrections(residual: Residual, features: Matrix) -> Vector:
+def corrections(residual: Network, features: Matrix) -> Vector:
     """Return the corrections [1], shape (m,), of features, shape (m, F)."""
     x = ca.MX.sym("x", features.shape[1], features.shape[0])
     function = ca.Function("corrections", [x], [residual.correction(x)])
@@ -131,7 +146,7 @@ def choose_steps(
     curves = []
     for features, remaining, fitted, held in cuts:
 
-        def error(residual: Residual | None) -> float:
+        def error(residual: Network | None) -> float:
             squares = [
                 (e[k] - (0.0 if residual is None else corrections(residual, f[k]))) ** 2
                 for f, e, k in zip(features, remaining, held, strict=True)  # noqa: B023
@@ -141,7 +156,7 @@ def choose_steps(
 
         curve, taken = [error(None)], count(1)
 
-        def watch(network: Residual) -> None:
+        def watch(network: Network) -> None:
             if next(taken) % LOOK == 0:  # noqa: B023
                 curve.append(error(network))  # noqa: B023
 

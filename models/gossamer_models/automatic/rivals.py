@@ -1,8 +1,8 @@
-"""Regressions on lags that measured records are compared with: a ridge, a perceptron and a small recurrent network.
+"""Networks that a sensor's compensator is compared with: a perceptron on lags, and a small recurrent network.
 
-Symbols: ``u`` input and ``y`` output over their ranges in training [1]; ``X`` lags and low-passes of u; hidden state ``h``,
-gates ``z`` and ``r`` of the recurrent network. All are fitted in time order: the last fifth of the training stretch decides
-when to stop. They are written here with NumPy, are no part of the product and know nothing of sensors.
+Symbols: ``u`` input and ``y`` output over their ranges in training [1]; hidden state ``h``, gates ``z`` and ``r`` of the
+recurrent network. Both are fitted in time order: the last fifth of the training samples decides when to stop. They know
+nothing of sensors.
 """
 
 from __future__ import annotations
@@ -11,39 +11,17 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
-from gossamer_models.automatic.compare import features_of, regression
-from gossamer_models.fitting import Record
-from numpy.typing import NDArray
 
-Vector = NDArray[np.float64]
-Rows = NDArray[np.bool_]
+from ..arrays import Matrix, Vector
+
 SIZES = (32, 16)  # units of the perceptron
 UNITS = 12  # of the recurrent network
 STEPS, RATE = 600, 5e-3  # of Adam
+MOST_SAMPLES = 6000  # to train on
 WINDOW = 120  # samples of a sequence; the state is carried from one to the next
-HELD = 0.2  # of the training stretch
+RENEWED = 50  # steps after which these states are
+HELD = 0.2  # of the training samples
 SEED = 0
-
-
-def rivals(record: Record, train: Rows, u: Vector, y: Vector) -> dict[str, Vector]:
-    """Return what each regression gives for y from u, shape (m,), by name."""
-    scale_u, scale_y = (u[train].min(), np.ptp(u[train])), (y[train].min(), np.ptp(y[train]))
-    v, w = (u - scale_u[0]) / scale_u[1], (y - scale_y[0]) / scale_y[1]
-    times = np.geomspace(3.0 * float(np.median(np.diff(record.time))), 0.25 * float(np.ptp(record.time[train])), 8)
-    X = features_of(record.time, v, times)
-    X = (X - X[train].mean(axis=0)) / (X[train].std(axis=0) + 1e-9)
-    found = {
-        "ridge on lags": regression((record,), (u,), (y,), (train,))[0],
-        "perceptron 32-16": scale_y[0] + scale_y[1] * _perceptron(X, w, train),
-        "recurrent network of 12": scale_y[0] + scale_y[1] * _recurrent(v, w, train),
-    }
-    return {name: np.asarray(values) for name, values in found.items()}
-
-
-def _split(train: Rows) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
-    places = np.flatnonzero(train)
-    end = round((1.0 - HELD) * places.size)
-    return places[:end], places[end:]
 
 
 def _adam(parameters: list[Vector], step: Callable[[], tuple[list[Vector], float]], steps: int = STEPS) -> list[Vector]:
@@ -61,15 +39,19 @@ def _adam(parameters: list[Vector], step: Callable[[], tuple[list[Vector], float
     return best
 
 
-def _perceptron(X: Vector, y: Vector, train: Rows) -> Vector:
+def perceptron(X: Matrix, y: Vector) -> Callable[[Matrix], Vector]:
+    """Return a perceptron trained on samples in the order of time: features, shape (m, f), and output, shape (m,)."""
     rng = np.random.default_rng(SEED)
+    mean, size = X.mean(axis=0), X.std(axis=0) + 1e-9
+    X = (X - mean) / size
     sizes = [X.shape[1], *SIZES, 1]
     parameters: list[Vector] = []
     for a, b in pairwise(sizes):
         parameters += [rng.normal(size=(a, b)) / np.sqrt(a), np.zeros(b)]
-    fitted, held = _split(train)
+    end = round((1.0 - HELD) * y.size)
+    fitted, held = np.arange(0, end, max(1, end // MOST_SAMPLES)), slice(end, None)
 
-    def forward(x: Vector) -> list[Vector]:
+    def forward(x: Matrix) -> list[Matrix]:
         layers = [x]
         for k in range(0, len(parameters), 2):
             z = layers[-1] @ parameters[k] + parameters[k + 1]
@@ -87,20 +69,22 @@ def _perceptron(X: Vector, y: Vector, train: Rows) -> Vector:
         return slopes, float(np.mean((forward(X[held])[-1][:, 0] - y[held]) ** 2))
 
     parameters[:] = _adam(parameters, step)
-    return np.asarray(forward(X)[-1][:, 0])
+    return lambda x: np.asarray(forward((x - mean) / size)[-1][:, 0])
 
 
-def _recurrent(u: Vector, y: Vector, train: Rows) -> Vector:
-    """Return the output of a gated recurrent unit, trained on all windows at once, each from the state reached before."""
+def recurrent(u: Vector, y: Vector) -> Callable[[Vector], Vector]:
+    """Return a gated recurrent unit that is trained on a history of input and output, shape (m,).
+
+    All windows are trained at once, each from the state that is reached before it.
+    """
     rng = np.random.default_rng(SEED)
     n = UNITS
     parameters: list[Vector] = []
     for _ in range(3):  # gates z and r, candidate
         parameters += [rng.normal(size=(n, n)) / np.sqrt(n), rng.normal(size=n), np.zeros(n)]
     parameters += [rng.normal(size=n) / np.sqrt(n), np.array([0.0, 1.0])]
-    fitted, held = _split(train)
-    begins = np.arange(fitted[0], fitted[-1] - WINDOW, WINDOW)
-    end = int(held[-1]) + 1
+    held = slice(round((1.0 - HELD) * y.size), None)
+    begins = np.arange(0, max(1, round((1.0 - HELD) * y.size) - WINDOW), WINDOW)
 
     def sigmoid(x: Vector) -> Vector:
         return 0.5 * (1.0 + np.tanh(0.5 * x))
@@ -112,10 +96,10 @@ def _recurrent(u: Vector, y: Vector, train: Rows) -> Vector:
         c = np.tanh((r * h) @ Wn + x[:, None] * an + cn)
         return (1.0 - z) * h + z * c, z, r, c
 
-    def run(until: int) -> tuple[Vector, Vector]:
-        h, states, outputs = np.zeros((1, n)), np.empty((until, n)), np.empty(until)
+    def run(u: Vector) -> tuple[Matrix, Vector]:
+        h, states, outputs = np.zeros((1, n)), np.empty((u.size, n)), np.empty(u.size)
         w, d = parameters[9:]
-        for k in range(until):
+        for k in range(u.size):
             states[k] = h[0]
             h = cell(h, u[k : k + 1])[0]
             outputs[k] = h[0] @ w + d[0] + d[1] * u[k]
@@ -125,8 +109,8 @@ def _recurrent(u: Vector, y: Vector, train: Rows) -> Vector:
 
     def step() -> tuple[list[Vector], float]:
         count = int(cached.get("count", np.array(0)))
-        if count % 10 == 0:  # states at the beginnings of the windows, and the held error, are renewed now and then
-            cached["states"], cached["outputs"] = run(end)
+        if count % RENEWED == 0:  # states at the beginnings of the windows, and the held error, are renewed now and then
+            cached["states"], cached["outputs"] = run(u)
         cached["count"] = np.array(count + 1)
         h, tape = cached["states"][begins], []
         Wz, Wr, Wn = parameters[0], parameters[3], parameters[6]
@@ -155,4 +139,4 @@ def _recurrent(u: Vector, y: Vector, train: Rows) -> Vector:
         return slopes, float(np.mean((cached["outputs"][held] - y[held]) ** 2))
 
     parameters[:] = _adam(parameters, step, STEPS // 2)
-    return run(u.size)[1]
+    return lambda u: run(u)[1]
