@@ -7,15 +7,17 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 from gossamer_files import digest
 from gossamer_files.charts import Chart
 from gossamer_files.options import option
 from gossamer_files.plots import save_charts
+from threadpoolctl import threadpool_limits
 
 from .arrays import Vector
 from .automatic import BUDGET, Standing, Trial, choose, defeats, standings
 from .errors import ParameterError, require
-from .fitting.errors import Errors, stretch_errors
+from .fitting.errors import Errors, nrmse, stretch_errors
 from .fitting.reading import Columns, read_records
 from .fitting.records import Record, judged_rows, strain_range, thin, training_stretches
 from .fractional import FractionalFit, FractionalSettings, fit_fractional
@@ -35,6 +37,7 @@ from .sensor.plots import sensor_files
 log = logging.getLogger(__name__)
 AUTO: Literal["auto"] = "auto"  # chooses the model by predicting the later parts of the training stretch
 FAILS = f"More than {EXACT:g} % without noise is no error of the sensor, but of the compensator: take another one."
+WORSE = 1.5  # times the error of the test stretch: that of training is a warning
 BEYOND = 1.05  # times the largest strain of training
 
 Fit = PreisachFit | FractionalFit
@@ -204,7 +207,8 @@ def identify_files(
     fit: Fit
     trials: tuple[Trial, ...] = ()
     if isinstance(settings, str):
-        won = choose(records, rows, budget=budget, progress=advance, **given)
+        with threadpool_limits(1):  # also for the same bits with any number of threads
+            won = choose(records, rows, budget=budget, progress=advance, **given)
         fit, trials = won.fit, won.trials
         chosen = f"Chosen by predicting the later parts of the training stretch: {won.text}."
         doubted = [chosen, *preisach_doubts(fit, chosen=True)]
@@ -246,6 +250,8 @@ def identify_files(
     strains = [found.strain for found in recovered] or None
     errors = stretch_errors(fit.records, fit.predicted, fit.train, fit.rest_resistance, strains)
     progress("training rivals")
+    doubted += [text for found, record in zip(recovered, fit.records, strict=False) if (text := _delayed(found, record))]
+    doubted += _worse_in_training(errors)
     table = standings(fit.records, fit.train, fit.predicted, recovered)
     doubted += defeats(table)
     provenance = {
@@ -274,6 +280,29 @@ def identify_files(
     return Identified(
         fit=fit, errors=errors, remarks=remarks, recovered=recovered, trials=trials, standings=table, scales=scales, own=own
     )
+
+
+def _delayed(found: Recovered, record: Record) -> str:
+    """Say by how much the strain that a compensator recovers is delayed, and how large its error is without."""
+    if not found.delay:
+        return ""
+    late = round(found.delay / float(np.median(np.diff(record.time))))
+    now = nrmse(record.strain, found.present, float(np.ptp(record.strain)))
+    return (
+        f"{record.name}: strain is recovered {late} samples late, {found.delay:.3g} s. Without delay, as present_strain, its "
+        f"error over the record is {now:.2f} % of range."
+    )
+
+
+def _worse_in_training(errors: Sequence[Errors]) -> list[str]:
+    """Say which records are recovered worse where the sensor was fitted than where it was not."""
+    strains = {(e.record, e.stretch): e.strain_nrmse for e in errors if e.strain_nrmse is not None}
+    return [
+        f"{record}: strain is recovered worse where the sensor was fitted, {error:.2f} % of range, than in the test stretch, "
+        f"{test:.2f} %: the test is easier than what will come. Look at the training stretch."
+        for (record, stretch), error in strains.items()
+        if stretch == "train" and (test := strains.get((record, "test"))) is not None and error > WORSE * test
+    ]
 
 
 def _stated(fit: PreisachFit) -> dict[str, str]:

@@ -193,8 +193,8 @@ def identify(
     model
         One of those above; auto if no option of a model is given, else preisach.
     budget
-        Of the model auto: seconds after which it tries no more settings; 60 if not given. The few that it must try, the last
-        fit, the checks and the pictures take half a minute more, or longer for long records.
+        Of the model auto: seconds after which it tries no more settings, and says so; 300 if not given. Usually all are
+        tried in a minute or less, and the answer is then the same on any machine.
     train
         What to fit: 0:200 for seconds from the first sample, 50% for a leading part; the rest is a test.
     full_scale

@@ -1,5 +1,7 @@
 """A direct inverse with given numbers, and its equations written again, sample by sample."""
 
+from itertools import pairwise
+
 import numpy as np
 from gossamer_models.sensor import DirectInverse
 from gossamer_models.sensor.artifact import Network
@@ -45,7 +47,7 @@ def features(y, h):
     u = (np.asarray(y) - 0.1) / 0.8
     plays, low = np.full(2, u[0]), np.full(2, u[0])
     rows = [np.concatenate([[u[0]], u[0] - low, plays - u[0]])]
-    for before, now in zip(u[:-1], u[1:], strict=True):
+    for before, now in pairwise(u):
         for part in np.linspace(before, now, 10_001)[1:] - 0.5 * (now - before) / 10_000:
             low = low + h / 10_000 / np.array(TIMES) * (part - low)
         plays = np.maximum(now - np.array(WIDTHS), np.minimum(now + np.array(WIDTHS), plays))

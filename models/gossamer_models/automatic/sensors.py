@@ -11,7 +11,7 @@ from gossamer_files.options import option
 
 from ..arrays import Rows
 from ..errors import DataError
-from ..fitting.records import FITTED, Record, cut
+from ..fitting.records import Record, judging_cuts
 from ..sensor import DirectInverse
 from ..sensor.drives import EXTENSIONS
 from ..sensor.fit import PreisachSettings, fit_preisach
@@ -53,12 +53,12 @@ def choose_sensors(
         Nothing could be fitted.
     """
 
-    def judge(share: float, settings: PreisachSettings) -> float:
-        early, late = cut(train, share)
+    def judge(part: tuple[tuple[Rows, ...], tuple[Rows, ...]], settings: PreisachSettings) -> float:
+        early, late = part
         fit = fit_preisach(records, early, settings, inverse=False, **given)
         return error_on(fit.predicted, (r.resistance for r in records), late)
 
-    judges = [partial(judge, share) for share in FITTED]
+    judges = [partial(judge, part) for part in judging_cuts(train)]
     ask = partial(bench.best, "sensor", name=sensor_name, judges=judges)
     kinds = product(reversed(EXTENSIONS), (True, False))
     found = ask([_hats(extension, earlier, FIRST_RIDGE) for extension, earlier in kinds], share=(0.0, 0.2))
@@ -80,18 +80,19 @@ def choose_delay(
     train: tuple[Rows, ...],
     bench: Bench,
     full_scale: float,
-    fitted: Callable[[float, int], DirectInverse],
+    fitted: Callable[[int, int], DirectInverse],
 ) -> int:
     """Return by how many samples the strain of the direct inverse is delayed: the fewest of those that are about as good.
 
-    ``fitted`` returns the inverse of a share of the training samples with a delay; see ``choose_sensors``.
+    ``fitted`` returns the inverse of the k-th of ``judging_cuts`` with a delay; see ``choose_sensors``.
     """
+    parts = judging_cuts(train)
 
-    def judge(share: float, delay: int) -> float:
-        strains = [full_scale * recovered(fitted(share, delay), record)[:, 0] for record in records]
-        return error_on(strains, (r.strain for r in records), cut(train, share)[1])
+    def judge(k: int, delay: int) -> float:
+        strains = [full_scale * recovered(fitted(k, delay), record)[:, 0] for record in records]
+        return error_on(strains, (r.strain for r in records), parts[k][1])
 
-    judges = [partial(judge, share) for share in FITTED]
+    judges = [partial(judge, k) for k in range(len(parts))]
     found = bench.best("direct inverse", DELAYS, inverse_name, judges, share=(0.4, 0.5), surely=len(DELAYS))
     return min((delay for error, delay in found if error <= WORTH * found[0][0]), default=0)
 

@@ -18,6 +18,7 @@ from ..arrays import Rows, Vector
 from ..errors import DataError, require
 
 PARTS = 4  # of a training stretch that is cut to predict its later parts
+MOST_LEFT_OUT = 3  # records that are judged by a fit to the others
 FITTED = (0.6, 0.8)  # of the training samples of every record; the rest is predicted
 LONGEST_GAP = 20.0  # median steps; a longer step is a gap
 LARGE_STRAIN = 0.5  # [1] a strain without a unit that reaches this may be in per cent
@@ -357,6 +358,17 @@ def cut(train: Sequence[Rows], share: float = FITTED[0]) -> tuple[tuple[Rows, ..
         fitted.append(early)
         held.append(rows & ~early)
     return tuple(fitted), tuple(held)
+
+
+def judging_cuts(train: Sequence[Rows]) -> tuple[tuple[tuple[Rows, ...], tuple[Rows, ...]], ...]:
+    """Return what to fit and what to judge by, once or several times: in time order, or one of several records after another."""
+    used = [k for k, rows in enumerate(train) if rows.any()]
+    if len(used) < 2:
+        return tuple(cut(train, share) for share in FITTED)
+    return tuple(
+        (tuple(rows & (j != k) for j, rows in enumerate(train)), tuple(rows & (j == k) for j, rows in enumerate(train)))
+        for k in used[:MOST_LEFT_OUT]
+    )
 
 
 def until_the_end_of_training(
