@@ -11,7 +11,7 @@ import numpy as np
 from gossamer_files.options import option
 
 from ..arrays import Rows, Vector
-from ..errors import DataError
+from ..errors import DataError, require
 from ..fitting.records import Record
 from ..sensor.drives import EXTENSIONS
 from ..sensor.fit import PreisachSettings, fit_preisach
@@ -57,6 +57,9 @@ def choose_sensors(
     def judge(share: float, settings: PreisachSettings) -> float:
         early, late = cut(train, share)
         fit = fit_preisach(records, early, settings, inverse=False, **given)
+        require(
+            fit.settles, f"over many cycles the output of a sensor with {sensor_name(settings)} does not settle", DataError
+        )
         return error_on(fit.predicted, (r.resistance for r in records), late)
 
     judges = [partial(judge, share) for share in FITTED]
