@@ -25,7 +25,7 @@ from .fractional.artifact import MODELS as FRACTIONAL
 from .fractional.fit import doubts as fractional_doubts
 from .plots import ModelledRecord, record_files
 from .replay import Recovered, clipped_strain, recover_by_fit, table_path, write_predictions
-from .self_test import EXACT, SelfTest, self_test
+from .self_test import EXACT, SelfTest, cycled_doubt, cycled_range, self_test
 from .sensor.fit import PreisachFit, PreisachSettings, fit_preisach
 from .sensor.fit.align import RelativeScale, align
 from .sensor.fit.doubts import doubts as preisach_doubts
@@ -71,6 +71,8 @@ class Identified:
         Scale of every record, if they have scales of their own; the fit is in the units of the first one.
     own : tuple of SelfTest
         What the compensator recovers of what the sensor's model makes of each record; empty for a model without one.
+    cycled : tuple of float
+        Range of the sensor's output over 100 cycles within the strain of each record, over its range [1]; as ``own``.
     """
 
     fit: Fit
@@ -81,6 +83,7 @@ class Identified:
     standings: tuple[Standing, ...] = ()
     scales: tuple[RelativeScale, ...] = ()
     own: tuple[SelfTest, ...] = ()
+    cycled: tuple[float, ...] = ()
 
     def in_its_file(self, k: int) -> tuple[Record, Vector]:
         """Return record k and the resistance predicted for it, shape (m,), in the units of its file."""
@@ -239,6 +242,7 @@ def identify_files(
         stated = _stated(fit)
     recovered: tuple[Recovered, ...] = ()
     own: tuple[SelfTest, ...] = ()
+    cycled: tuple[float, ...] = ()
     if isinstance(fit, PreisachFit):
         progress("recovering the strain")
         recovered = tuple(recover_by_fit(fit, record) for record in fit.records)
@@ -247,6 +251,8 @@ def identify_files(
         progress("recovering what the sensor's own model gives")
         own = tuple(self_test(fit, record) for record in fit.records)
         doubted += [f"{each.sentence} {FAILS}" for each in own if each.fails]
+        cycled = tuple(cycled_range(fit, record) for record in fit.records)
+        doubted += filter(None, (cycled_doubt(r.name, size) for r, size in zip(fit.records, cycled, strict=True)))
     strains = [found.strain for found in recovered] or None
     errors = stretch_errors(fit.records, fit.predicted, fit.train, fit.rest_resistance, strains)
     progress("training rivals")
@@ -262,6 +268,7 @@ def identify_files(
         "train": train,
         **stated,
         **{f"{e.record} {e.stretch}": f"E1 {e.e1:.3f} %, NRMSE {e.nrmse:.3f} % of range" for e in errors},
+        **{f"{r.name} over 100 cycles": f"{size:.2f} of range" for r, size in zip(records, cycled, strict=False)},
         "doubts": " ".join(doubted),
         **{f"own scale of {r.name}": f"{s.offset:.6g} + {s.gain:.6g} R" for r, s in zip(records, scales, strict=False)},
         **{f"repairs of {record.name}": "; ".join(record.repairs) for record in records if record.repairs},
@@ -278,7 +285,15 @@ def identify_files(
     fit = replace(fit, artifact=artifact)
     remarks = (*repairs, *doubted)
     return Identified(
-        fit=fit, errors=errors, remarks=remarks, recovered=recovered, trials=trials, standings=table, scales=scales, own=own
+        fit=fit,
+        errors=errors,
+        remarks=remarks,
+        recovered=recovered,
+        trials=trials,
+        standings=table,
+        scales=scales,
+        own=own,
+        cycled=cycled,
     )
 
 
@@ -289,8 +304,8 @@ def _delayed(found: Recovered, record: Record) -> str:
     late = round(found.delay / float(np.median(np.diff(record.time))))
     now = nrmse(record.strain, found.present, float(np.ptp(record.strain)))
     return (
-        f"{record.name}: strain is recovered {late} samples late, {found.delay:.3g} s. Without delay, as present_strain, its "
-        f"error over the record is {now:.2f} % of range."
+        f"{record.name}: strain is recovered {late} samples late, {found.delay:.3g} s. Without delay, as "
+        f"present_strain, its error over the record is {now:.2f} % of range."
     )
 
 
@@ -298,8 +313,8 @@ def _worse_in_training(errors: Sequence[Errors]) -> list[str]:
     """Say which records are recovered worse where the sensor was fitted than where it was not."""
     strains = {(e.record, e.stretch): e.strain_nrmse for e in errors if e.strain_nrmse is not None}
     return [
-        f"{record}: strain is recovered worse where the sensor was fitted, {error:.2f} % of range, than in the test stretch, "
-        f"{test:.2f} %: the test is easier than what will come. Look at the training stretch."
+        f"{record}: strain is recovered worse where the sensor was fitted, {error:.2f} % of range, than in the test "
+        f"stretch, {test:.2f} %: the test is easier than what will come. Look at the training stretch."
         for (record, stretch), error in strains.items()
         if stretch == "train" and (test := strains.get((record, "test"))) is not None and error > WORSE * test
     ]

@@ -67,7 +67,9 @@ def phi_2(x: ca.MX) -> ca.MX:
     return ca.if_else(x < SERIES_BELOW, 0.5 * series, (1.0 - phi_1(x)) / x)
 
 
-def responses(steps: ArrayLike, u: Vector, rates: Vector, excitations: Sequence[tuple[ArrayLike, int]]) -> Matrix:
+def responses(
+    steps: ArrayLike, u: Vector, rates: Vector, excitations: Sequence[tuple[ArrayLike, int]], *, fading: float = 0.0
+) -> Matrix:
     r"""Return the modes of a record at its samples; all are zero at the first one.
 
     Parameters
@@ -80,6 +82,8 @@ def responses(steps: ArrayLike, u: Vector, rates: Vector, excitations: Sequence[
         Decay rates [1/s].
     excitations : sequence of (array_like, {0, 1}), length d
         Sizes :math:`r` over each step, shape (m - 1,) or scalar, and power of the record.
+    fading : float
+        :math:`\kappa`: a change of the record lets the modes decay by :math:`x = \lambda h + \kappa\,|\Delta|`.
 
     Returns
     -------
@@ -87,6 +91,8 @@ def responses(steps: ArrayLike, u: Vector, rates: Vector, excitations: Sequence[
         All rates of the first excitation first.
     """
     x = np.asarray(steps, dtype=float).reshape(-1, 1) * rates
+    if fading:
+        x = x + fading * np.abs(np.diff(u))[:, None]
     kernels = [phi_1(ca.DM(x)).full()]
     if any(power for _, power in excitations):
         kernels.append(u[:-1, None] * kernels[0] + np.diff(u)[:, None] * phi_2(ca.DM(x)).full())

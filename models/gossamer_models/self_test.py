@@ -1,4 +1,4 @@
-"""What a compensator recovers from its own perfect model: the identified sensor, driven by the recorded strain."""
+"""What a compensator recovers from its own perfect model, the identified sensor; and what that gives over many cycles."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from .fitting.errors import nrmse
 from .fitting.records import Record, noise_of
 from .replay import predict_resistance, recover_by_fit
 from .sensor.fit import PreisachFit
+from .sensor.fit.endurance import CYCLES, MOST_RANGE, cycles
 
 EXACT = 3.0  # error without noise [% of range] above which a compensator fails on its own model
 STATED = 1.5  # stated deviations above which it does with noise
@@ -85,3 +86,26 @@ def self_test(fit: PreisachFit, record: Record, seed: int = 0) -> SelfTest:
     direct = fit.artifact.inverse is not None and fit.artifact.compensator in (None, "inverse")
     missed = nrmse(record.resistance, made.resistance, float(np.ptp(record.resistance))) if direct else 0.0
     return SelfTest(record=record.name, **dict(zip(("clean", "noisy"), errors, strict=True)), stated=stated, model=missed)
+
+
+def cycled_range(fit: PreisachFit, record: Record) -> float:
+    """Return the range of a sensor's output over many cycles within the strain of a record, over the record's [1].
+
+    It is 0 for a record at rest.
+    """
+    size = float(np.ptp(record.resistance))
+    if not size * np.ptp(record.strain) > 0.0:
+        return 0.0
+    time, strain = cycles([record.time], [record.strain])
+    repeated = replace(record, time=time, strain=strain, resistance=0.0 * strain, lines=np.arange(strain.size))
+    return float(np.ptp(predict_resistance(fit, repeated))) / size
+
+
+def cycled_doubt(name: str, size: float) -> str:
+    """Say that over many cycles an output leaves what a record shows; empty where its range is at most ``MOST_RANGE``."""
+    if size <= MOST_RANGE:
+        return ""
+    return (
+        f"{name}: over {CYCLES} cycles within its strain the sensor's output covers {size:.2g} times the record's range: "
+        "what it remembers adds up beyond what training shows. Train on more cycles, without rests between them."
+    )

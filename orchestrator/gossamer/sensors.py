@@ -143,8 +143,9 @@ class Identification(Saved):
                     "strain_nrmse_percent": each.clean,
                     "with_noise_percent": each.noisy,
                     "error_over_stated_deviation": each.stated,
+                    "range_over_100_cycles": cycled,
                 }
-                for each in result.own
+                for each, cycled in zip(result.own, result.cycled, strict=True)
             ],
             "remarks": result.remarks,
         }

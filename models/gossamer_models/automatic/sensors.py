@@ -10,7 +10,7 @@ from typing import Unpack
 from gossamer_files.options import option
 
 from ..arrays import Rows
-from ..errors import DataError
+from ..errors import DataError, require
 from ..fitting.records import Record, judging_cuts
 from ..sensor import DirectInverse
 from ..sensor.drives import EXTENSIONS
@@ -56,6 +56,9 @@ def choose_sensors(
     def judge(part: tuple[tuple[Rows, ...], tuple[Rows, ...]], settings: PreisachSettings) -> float:
         early, late = part
         fit = fit_preisach(records, early, settings, inverse=False, **given)
+        require(
+            fit.settles, f"over many cycles the output of a sensor with {sensor_name(settings)} does not settle", DataError
+        )
         return error_on(fit.predicted, (r.resistance for r in records), late)
 
     judges = [partial(judge, part) for part in judging_cuts(train)]

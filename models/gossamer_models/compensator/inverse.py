@@ -23,6 +23,7 @@ import numpy as np
 from gossamer_files.options import option
 
 from ..errors import ParameterError
+from ..modes import phi_1, phi_2
 from ..sensor.artifact import SensorArtifact
 from ..sensor.direct import DirectLaw, DirectState, LowPass
 from ..sensor.hysteresis import Table, widths
@@ -168,8 +169,10 @@ def invert(law: SensorLaw, state: SensorState, target: ca.MX, h: ca.MX) -> tuple
     target = ca.fabs(target)
     first = second = 0.0
     if law.bank.size:
-        rising = [ca.sum1(part) for part in excitation(law.bank, state.s, h, "rising")]
-        falling = [-ca.sum1(part) for part in excitation(law.bank, state.s, h, "falling")]
+        x = law.bank.exponents(h)
+        kernels = phi_1(x), phi_2(x)
+        rising = [ca.sum1(part) for part in excitation(law.bank, state.s, kernels, "rising")]
+        falling = [-ca.sum1(part) for part in excitation(law.bank, state.s, kernels, "falling")]
         first, second = (ca.if_else(up, a, b) for a, b in zip(rising, falling, strict=True))
 
     def relaxation(s: ca.MX) -> ca.MX:

@@ -361,7 +361,7 @@ def cut(train: Sequence[Rows], share: float = FITTED[0]) -> tuple[tuple[Rows, ..
 
 
 def judging_cuts(train: Sequence[Rows]) -> tuple[tuple[tuple[Rows, ...], tuple[Rows, ...]], ...]:
-    """Return what to fit and what to judge by, once or several times: in time order, or one of several records after another."""
+    """Return what to fit and what to judge by, several times: in time order, or one of several records after another."""
     used = [k for k, rows in enumerate(train) if rows.any()]
     if len(used) < 2:
         return tuple(cut(train, share) for share in FITTED)

@@ -199,6 +199,9 @@ class SensorArtifact:
         :math:`\alpha`; zero for k < i, nowhere negative.
     relaxation : tuple of RelaxationTerm
         Terms of the dynamic operators; empty for a rate-independent sensor.
+    fading : float
+        :math:`\kappa` of ``law.py``: share of what the operators remember that a unit of normalised strain erases [1], not
+        negative (extension); 0 in the thesis.
     inverse : DirectInverse or None
         Direct inverse from output to strain, where one was identified (extension); None for the exact inverse.
     residual : Network or None
@@ -227,6 +230,7 @@ class SensorArtifact:
     mu: Table
     nu: Table
     relaxation: tuple[RelaxationTerm, ...] = ()
+    fading: float = 0.0
     inverse: DirectInverse | None = None
     residual: Network | None = None
     tracking: Tracking | None = None
@@ -242,6 +246,7 @@ class SensorArtifact:
         require(
             self.compensator in (None, *METHODS), f"the compensator is {self.compensator!r}; it is one of {methods}. {again}"
         )
+        require(0.0 <= self.fading < np.inf, f"the fading is {self.fading:g}; it is not negative. {again}")
         require(
             self.noise is None or 0.0 <= self.noise < np.inf,
             f"the noise is {self.noise}; a standard deviation is not negative. {again}",
@@ -256,8 +261,8 @@ class SensorArtifact:
 
     @property
     def exactly_invertible(self) -> bool:
-        """Whether the exact inverse exists: no term moves the output against the strain or is a gain, and no network."""
-        return self.residual is None and not any(term.signed or term.gain for term in self.relaxation)
+        """Whether the exact inverse exists: nothing moves the output against the strain, no gain, no fading, no network."""
+        return self.residual is None and not self.fading and not any(term.signed or term.gain for term in self.relaxation)
 
     def states_deviation(self, method: str | None) -> bool:
         """Tell whether a compensator states its deviation: not where its numbers were not identified."""

@@ -24,6 +24,7 @@ DIRECT = {
     "density_ridge": 3e-3,
     "relaxation_ridge": 3e-3,
     "starts": 1,
+    "forgetting": 0.1,
 }
 OF_EITHER_SIGN = {**DIRECT, "signed": True, "knots": 6, "smoothness": 5e-5, "density_ridge": 5e-5, "relaxation_ridge": 5e-5}
 

@@ -57,8 +57,8 @@ def widths(n_lines: int) -> ca.DM:
 
 
 def across(column: ca.MX | ca.DM, like: ca.MX) -> ca.MX | ca.DM:
-    """Repeat a column, shape (n,), for every sensor of ``like``, shape (n, P); of one sensor it stays as it is."""
-    return column if like.shape[1] == 1 else ca.repmat(column, 1, like.shape[1])
+    """Repeat a column, shape (n,), for every sensor of ``like``, shape (n, P); what has their shape stays as it is."""
+    return column if like.shape[1] == column.shape[1] else ca.repmat(column, 1, like.shape[1])
 
 
 def down(row: ca.MX, like: ca.MX) -> ca.MX:

@@ -1,5 +1,6 @@
 """The command ``gossamer identify``: from a CSV file to FMUs, and what it says on the way."""
 
+import json
 import re
 import shlex
 
@@ -51,6 +52,17 @@ def test_a_record_becomes_an_artifact_pictures_and_fmus(measured, tmp_path):
     built = invoke(["build", "sensor", "compensator", "--artifact", str(out), "--out", str(tmp_path)])
     assert built.exit_code == 0, built.output
     assert (tmp_path / "compensator.fmu").exists()
+
+
+def test_an_output_that_adds_up_over_many_cycles_is_said_in_table_answer_and_artifact(measured, tmp_path):
+    out = tmp_path / "sensor.json"
+    result = invoke(["identify", str(measured), *QUICK, "--no-pictures", "--json", "--out", str(out)])
+    size = json.loads(result.stdout)["own_model"][0]["range_over_100_cycles"]
+    assert size == pytest.approx(1.55, abs=0.05)  # eta below 1: every cycle leaves a little
+    assert SensorArtifact.read(out).provenance["measured.csv over 100 cycles"] == f"{size:.2f} of range"
+    told = " ".join(result.stderr.split())
+    assert "range of 100 cycles" in told
+    assert "over 100 cycles within its strain the sensor's output covers" in told
 
 
 def test_without_options_of_a_model_it_is_chosen_and_build_takes_the_compensator_that_won(measured, tmp_path):

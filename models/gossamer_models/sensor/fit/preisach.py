@@ -20,6 +20,7 @@ from ...fitting.errors import SensorFit
 from ...fitting.records import Record, check_rest, forward_cuts, noise_of, strain_range
 from ..artifact import DirectInverse, Scales, SensorArtifact
 from .direct import fit_direct
+from .endurance import MOST_RANGE, settled_range
 from .networks import choose_steps, corrections, features_of
 from .networks import train as train_network
 from .parameters import ParameterBlock
@@ -53,6 +54,8 @@ class PreisachFit(SensorFit):
         For derivatives at the solution.
     blocks : tuple of ParameterBlock
         Parameters by group.
+    settles : bool
+        Whether the output of a sensor with a gain stays within ``MOST_RANGE`` over many cycles within the fitted strain.
     """
 
     artifact: SensorArtifact
@@ -64,6 +67,7 @@ class PreisachFit(SensorFit):
     solutions: tuple[Solution, ...]
     solver: GaussNewton
     blocks: tuple[ParameterBlock, ...] = field(repr=False)
+    settles: bool = True
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -118,18 +122,24 @@ def fit_preisach(
         settings = choose_ridge(records, train, settings, watch=watch, **given)
     if settings.residual == "auto":
         settings = replace(settings, residual=residual_steps(records, train, settings, **given))
-    regression = prepare(records, train, settings, full_scale)
-    weights = weight_function(settings, regression, rest_resistance)
-    solver, solutions = solve(weights, regression, settings, watch)
-    x, unit = solutions[0].x, regression.unit
-    artifact, y0, rise = normalised_sensor(settings, weights, x, regression)
+    for forgetting in settings.forgettings:
+        settings = replace(settings, forgetting=forgetting)
+        regression = prepare(records, train, settings, full_scale)
+        weights = weight_function(settings, regression, rest_resistance)
+        solver, solutions = solve(weights, regression, settings, watch)
+        x, unit = solutions[0].x, regression.unit
+        artifact, y0, rise = normalised_sensor(settings, weights, x, regression)
+        settles = not forgetting or rise * settled_range(artifact, regression) <= MOST_RANGE
+        if settles:
+            break
     if y0 > 0.0:  # a resistance, not a signal
         scales = Scales(rest_resistance=y0 * unit, full_scale_resistance_change=rise * unit, full_scale_strain=full_scale)
         artifact = replace(artifact, scales=scales)
     noise = noise_of(*(r.resistance[rows] for r, rows in zip(records, train, strict=True))) / (rise * unit)
     artifact = replace(artifact, noise=noise)
     earlier = weights(x).v
-    alone = tuple(unit * (y0 + rise * normalised_output(artifact, s)) for s in regression.stretches)
+    outputs = (normalised_output(artifact, s.record.time, s.strain, s.U, s.D) for s in regression.stretches)
+    alone = tuple(unit * (y0 + rise * output) for output in outputs)
     fit = PreisachFit(
         artifact=artifact,
         settings=settings,
@@ -144,6 +154,7 @@ def fit_preisach(
         solutions=solutions,
         solver=solver,
         blocks=weights.blocks,
+        settles=settles,
     )
     if settings.residual:
         fit = _with_network(fit, int(settings.residual))

@@ -85,12 +85,15 @@ class Regression:
         Range of the fitted resistance [ohm].
     kernels : StretchedKernels
         Rates of the relaxation modes and what kernels weigh them with.
+    fading : float
+        Share of the modes that a unit of strain erases [1].
     stretches : tuple of Stretch
         One per record.
     """
 
     unit: float
     kernels: StretchedKernels
+    fading: float
     stretches: tuple[Stretch, ...]
 
     @property
@@ -124,18 +127,20 @@ def prepare(
     longest = max(float(np.ptp(r.time[rows])) for r, rows in zip(records, train, strict=True) if rows.any())
     kernels = StretchedKernels.between(shortest, longest)
     own = [k for k, rows in enumerate(train) if rows.any()]
+    moved = sum(float(np.abs(np.diff(records[k].strain[train[k]])).sum()) for k in own) / full_scale
+    fading = settings.forgetting / moved
     stretches = []
     for k, (r, rows) in enumerate(zip(records, train, strict=True)):
         s = np.clip(r.strain / full_scale, 0.0, 1.0)
         U, D = switched(s, settings.n_lines)
         Z = V = np.empty((s.size, 0))
         if settings.relaxations:
-            Z = relaxed(r.time, s, kernels.rates, settings.drives)
+            Z = relaxed(r.time, s, kernels.rates, settings.drives, fading)
         if settings.earlier:
             decays = np.exp(-np.outer(r.time - r.time[0], earlier_rates(kernels)))
             V = np.hstack([decays * (k == j) for j in own])
         stretches.append(Stretch(record=r, strain=s, y=r.resistance / unit, U=U, D=D, Z=Z, V=V, train=rows))
-    return Regression(unit=unit, kernels=kernels, stretches=tuple(stretches))
+    return Regression(unit=unit, kernels=kernels, fading=fading, stretches=tuple(stretches))
 
 
 def switched(strain: Vector, n_lines: int) -> tuple[Matrix, Matrix]:
@@ -181,7 +186,7 @@ def fronts(x: Matrix, widths: Vector, start: Vector) -> Matrix:
     return found
 
 
-def relaxed(time: Vector, strain: Vector, rates: Vector, drives: tuple[Drive, ...]) -> Matrix:
+def relaxed(time: Vector, strain: Vector, rates: Vector, drives: tuple[Drive, ...], fading: float = 0.0) -> Matrix:
     """Return the responses [1], shape (m, d R), of modes of unit weight to d drives, all rates of the first drive first.
 
     Parameters
@@ -192,9 +197,12 @@ def relaxed(time: Vector, strain: Vector, rates: Vector, drives: tuple[Drive, ..
         Decay rates [1/s].
     drives : tuple of Drive
         What excites the modes.
+    fading : float
+        Share of the modes that a unit of strain erases [1].
     """
     change = np.diff(strain)
-    Z = responses(np.diff(time), strain, rates, [(drive.sizes(change), drive.power) for drive in drives])
+    excitations = [(drive.sizes(change), drive.power) for drive in drives]
+    Z = responses(np.diff(time), strain, rates, excitations, fading=fading)
     gains = np.repeat([drive.gain for drive in drives], rates.size).astype(bool)
     return np.where(gains, strain[:, None] * Z, Z)
 

@@ -11,6 +11,7 @@ from ..drives import EXTENSIONS, Drive
 
 PRESETS: dict[str, dict[str, Any]] = {"preisach": {}, "preisach-hats": {"density": "hats", "density_ridge": 3e-3}}
 MODELS = tuple(PRESETS)
+FORGETTING = (2.0, 4.0, 8.0)
 
 
 class Given(TypedDict):
@@ -73,6 +74,9 @@ class PreisachSettings:
         data require them.
     most_iterations : int
         Most iterations per start.
+    forgetting : float
+        How often the movement of the training stretch erases memory [1]: ``SensorArtifact.fading`` times that movement. If
+        it is above 0, it is the least of itself and ``FORGETTING`` with which the output settles, see ``endurance.py``.
     """
 
     OPTIONS: ClassVar[dict[str, tuple[str, ...]]] = {  # what a user may choose, and the models that have it
@@ -110,6 +114,7 @@ class PreisachSettings:
     kernel_stiffness: float = 1e-3
     relaxation_ridge: float = 1e-3
     most_iterations: int = 60
+    forgetting: float = 0.0
 
     @classmethod
     def of(cls, model: str, **chosen: Any) -> PreisachSettings:  # noqa: ANN401
@@ -122,6 +127,11 @@ class PreisachSettings:
     def drives(self) -> tuple[Drive, ...]:
         """What excites the relaxation."""
         return EXTENSIONS[self.extension].drives
+
+    @property
+    def forgettings(self) -> tuple[float, ...]:
+        """What to try, the slowest first."""
+        return (self.forgetting, *(each for each in FORGETTING if 0.0 < self.forgetting < each))
 
     def __post_init__(self) -> None:
         name, P = self.extension, self.relaxations

@@ -17,14 +17,14 @@ import casadi as ca
 import numpy as np
 from scipy import sparse
 
-from ...arrays import Vector
+from ...arrays import Matrix, Vector
 from ...errors import ConvergenceError
 from ...modes import exponential_sum
 from ..artifact import MIN_SPRING_WEIGHT, SensorArtifact
 from ..drives import RelaxationTerm
 from ..law import ModeBank
 from .parameters import ParameterBlock, hat_functions, parameter_blocks
-from .regression import Regression, Stretch, Weights, relaxed
+from .regression import Regression, Weights, relaxed
 from .settings import PreisachSettings
 
 SHORTEST, LONGEST = 1e-2, 1e4  # [s]; kernels hold between these times at least
@@ -249,15 +249,15 @@ def normalised_sensor(
             for drive, amplitude in used.items()
         ]
     mu, nu = (tuple(map(tuple, table.tolist())) for table in tables)
-    return SensorArtifact(mu=mu, nu=nu, relaxation=tuple(terms)), float(p["y0"][0]), rise
+    return SensorArtifact(mu=mu, nu=nu, relaxation=tuple(terms), fading=regression.fading), float(p["y0"][0]), rise
 
 
-def normalised_output(sensor: SensorArtifact, stretch: Stretch) -> Vector:
-    """Return the normalised output [1] of a sensor over the strain of a stretch, shape (m,), starting at rest."""
+def normalised_output(sensor: SensorArtifact, time: Vector, strain: Vector, U: Matrix, D: Matrix) -> Vector:
+    """Return the normalised output [1] of a sensor over a strain that has switched U and D, shape (m,), from rest."""
     mu, nu = (table[np.triu_indices(sensor.n_lines)] for table in sensor.tables())
-    output = stretch.U @ mu - stretch.D @ nu
+    output = U @ mu - D @ nu
     bank = ModeBank.of(sensor.relaxation)
-    Z = relaxed(stretch.record.time, stretch.strain, bank.decay_rates, tuple(bank.amplitudes))
+    Z = relaxed(time, strain, bank.decay_rates, tuple(bank.amplitudes), sensor.fading)
     return np.asarray(output + Z @ np.concatenate([np.empty(0), *bank.amplitudes.values()]))
 
 
