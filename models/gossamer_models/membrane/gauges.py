@@ -7,7 +7,7 @@ positions, whose length less one is the strain.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse
@@ -17,10 +17,11 @@ from scipy.spatial import cKDTree
 from ..arrays import Matrix, Vector
 from ..errors import DataError
 from .element import derivative_matrix, gauss_points, lobatto_points, value_matrix
-from .setup import Sensor
+from .setup import Place, Sensor
 from .surface import Block, SurfaceMesh
 
 SAMPLES = 5  # of a gauge with a length, Gauss-Legendre
+BESIDE = 0.005  # of the size: how far beside a gauge others tell what a move changes, at least
 _ACROSS = 1e-2  # part of a direction that lies in the surface, at least
 _BENT = 0.05  # share of a gauge that a curved surface may take from it
 _NEAREST = 12  # elements looked into
@@ -96,6 +97,47 @@ def gauge(mesh: SurfaceMesh, point: Vector, direction: Vector, length: float) ->
         rows.append(row)
         away = max(away, abs(float((place - middle) @ along) - offset * length) - _BENT * length)
     return Gauge(scipy.sparse.csr_array(np.array(rows)), weights, away)
+
+
+def moved_gauge(mesh: SurfaceMesh, normals: Vector, sensor: Sensor, move: Place = (0.0, 0.0)) -> Gauge:
+    """Place a gauge that is off its point, along its direction and across it [m].
+
+    Notes
+    -----
+    Its reading is linear in the move: that at its point, and differences of gauges on both sides. These are an element apart
+    where the strain is all but constant within elements, of order 1.
+    """
+    own = _placed(mesh, sensor)
+    lines, weights, reach = [own.lines], [own.weights], _reach(mesh)
+    for way, by in enumerate(move):
+        ends = [beside(mesh, normals, sensor, side * reach, way) for side in (1.0, -1.0)] if by else []
+        if ends:
+            there = place_matrix(mesh, np.array([end.point for end in ends])) @ mesh.nodes  # on the membrane
+            slope = by / max(float(np.linalg.norm(there[0] - there[1])), _THERE * mesh.size)
+            for end, factor in zip(ends, (slope, -slope), strict=True):
+                found = _placed(mesh, end)
+                lines.append(found.lines)
+                weights.append(factor * found.weights)
+    return Gauge(scipy.sparse.csr_array(scipy.sparse.vstack(lines)), np.concatenate(weights), own.away)
+
+
+def beside(mesh: SurfaceMesh, normals: Vector, sensor: Sensor, by: float, way: int) -> Sensor:
+    """Return a sensor beside its place [m], along its direction or, for a way of 1, across it."""
+    node = int(np.argmin(np.linalg.norm(mesh.nodes - np.array(sensor.point), axis=1)))
+    along = np.array(sensor.direction) / np.linalg.norm(sensor.direction)
+    step = along if way == 0 else np.cross(normals[node], along)
+    x, y, z = (np.array(sensor.point) + by * step / np.linalg.norm(step)).tolist()
+    return replace(sensor, point=(x, y, z))
+
+
+def _placed(mesh: SurfaceMesh, sensor: Sensor) -> Gauge:
+    return gauge(mesh, np.array(sensor.point), np.array(sensor.direction), sensor.gauge_length)
+
+
+def _reach(mesh: SurfaceMesh) -> float:
+    """Return how far beside a gauge others are read [m]."""
+    first = [np.diff(mesh.nodes[block.elements[:, :2]], axis=1) for block in mesh.blocks if block.order < 2]  # sides
+    return max([BESIDE * mesh.size, *(float(np.linalg.norm(side, axis=2).mean()) for side in first)])
 
 
 def place_matrix(mesh: SurfaceMesh, points: Vector) -> Vector:

@@ -8,7 +8,7 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from ..mistakes import Mistake, no_direction, not_finite, outside, raise_any
 from .law import LAWS
 from .zones import ZERO, Triple, Zone
 
+Place: TypeAlias = tuple[float, float]
 LEFT = ("left_along", "left_across")  # inputs: shares of the stiffness of each zone along its region's axes
 # variables that a membrane has beside loads and motions
 RESERVED = {
@@ -280,13 +281,15 @@ class KnownNumbers:
     Attributes
     ----------
     names : tuple of str, length k
-        Numbers that were fitted, see ``twin.nuisances``, and gains of all sensors or of none.
+        Numbers that were fitted, see ``twin.nuisances``, and gains and places of all sensors or of none.
     covariance : tuple of tuple of float, shape (k, k)
-        Of the logarithms of numbers, and of gains.
+        Of the logarithms of numbers, of gains, and of places [m].
     parameters : mapping of str to float
         Parameters of the model that have these values.
     gains : tuple of float
         Readings over right readings of the sensors [1].
+    places : tuple of tuple of float
+        How far the sensors are off their points, along their directions and across [m]; none if there they are.
     drawing : str
         Digest of the drawing that it is of.
     """
@@ -296,6 +299,7 @@ class KnownNumbers:
     parameters: Mapping[str, float] = field(hash=False)
     drawing: str
     gains: tuple[float, ...] = ()
+    places: tuple[Place, ...] = ()
 
     def __post_init__(self) -> None:
         k = len(self.names)
@@ -312,8 +316,8 @@ class KnownNumbers:
 
     @property
     def of_structure(self) -> "KnownNumbers":
-        """The same without gains: of what simulates the structure, whose readings have none."""
-        at = [k for k, name in enumerate(self.names) if not name.startswith("gain[")]
+        """The same without gains, and with known places: of what simulates the structure, as its readings are."""
+        at = [k for k, name in enumerate(self.names) if not name.startswith(("gain[", "place_"))]
         covariance = tuple(tuple(self.covariance[i][k] for k in at) for i in at)
         return replace(self, names=tuple(self.names[k] for k in at), covariance=covariance, gains=())
 

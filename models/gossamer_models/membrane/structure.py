@@ -20,7 +20,7 @@ from ..mistakes import DescriptionError, Mistake, raise_any
 from ..variables import Variable
 from .boundary import edge_force, free_displacements, leaking, loose, members_of, springs, unit_force, ways
 from .element import Element
-from .gauges import Gauge, gauge, place_matrix
+from .gauges import Gauge, moved_gauge, place_matrix
 from .geometry import Geometry, geometry, stiffest, values
 from .interface import mesh_variables
 from .setup import MAX_ORDER, MOST_REFINED, Setup
@@ -324,7 +324,7 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
         unit_forces={
             load.name: unit_force(load, mesh, measured) for load in setup.loads if load.kind in ("force", "dead_pressure")
         },
-        gauges=tuple(_gauges(setup, mesh)),
+        gauges=tuple(_gauges(setup, mesh, normals)),
     )
 
 
@@ -381,11 +381,14 @@ def _measured(setup: Setup, mesh: SurfaceMesh, which: int, region: Integers) -> 
     return found
 
 
-def _gauges(setup: Setup, mesh: SurfaceMesh) -> Iterator[Gauge]:
-    mistakes = []
+def _gauges(setup: Setup, mesh: SurfaceMesh, normals: Vector) -> Iterator[Gauge]:
+    mistakes, moves = [], setup.calibration.places if setup.calibration else ()
+    if 0 < len(setup.sensors) < len(moves):
+        text = f"there are places of {len(moves)} sensors, and the setup has {len(setup.sensors)}. Calibrate again."
+        raise_any([Mistake(("calibration", "places"), text)])
     for i, sensor in enumerate(setup.sensors):
         try:
-            found = gauge(mesh, np.array(sensor.point), np.array(sensor.direction), sensor.gauge_length)
+            found = moved_gauge(mesh, normals, sensor, *moves[i : i + 1])
         except DataError as error:
             mistakes.append(Mistake(("sensors", i, "direction"), f"sensor {i + 1}: {error}"))
             continue

@@ -35,6 +35,7 @@ from .nuisances import (
     NAMES,
     OF_MOTION,
     OF_SENSOR,
+    PLACES,
     SENSOR,
     Loads,
     Nuisances,
@@ -42,6 +43,7 @@ from .nuisances import (
     number_of,
     possible,
 )
+from .places import PlaceSlopes
 from .problem import RecordProblem
 from .reasons import likely_reason
 from .record import (
@@ -230,6 +232,16 @@ class Twin:
         """Return the least squares of a record, of as much of it as is compared, see ``fit``."""
         return self._problem(self._usable(record)[0], report)
 
+    def placed(self, problem: RecordProblem, x: Vector) -> RecordProblem:
+        """Return a problem with what places of sensors change at unknowns, where they are unknown."""
+        if self._place_slopes is None or not {*PLACES} & {*problem.nuisances.kinds}:
+            return problem
+        return problem.placed(self._place_slopes.at(problem.nuisances, problem.record, x))
+
+    @cached_property
+    def _place_slopes(self) -> PlaceSlopes | None:
+        return PlaceSlopes(self._forward) if isinstance(self._forward, MembraneForward) else None
+
     def finer(self, problem: RecordProblem) -> tuple[Forward, Matrix] | None:
         """Return the membrane on a finer mesh, and components of the error that is left there; None if that is not known."""
         found = self._finer(problem.record, problem.components)
@@ -406,6 +418,10 @@ class Twin:
         spread = self._spread.of_structure if self._spread is not None and record.kind == "resistance" else self._spread
         return Nuisances(kinds, *known, spread)
 
+    def _places_are_known(self, record: ResponseRecord) -> bool:
+        """Tell whether no place of a sensor is fitted: no calibration has told any, or sensors bend strain."""
+        return record.kind == "resistance" or self._spread is None or PLACES[0] not in map(number_of, self._spread.names)
+
     def _may_be_off(self, record: ResponseRecord) -> bool:
         """Tell whether the sensors of a record may be off their model."""
         return record.kind == "resistance" and (SENSOR in self.nuisances or SENSOR not in self.known)
@@ -415,6 +431,7 @@ class Twin:
         given = possible(self.numbers, Loads(record.start, record.inputs), self._spread)
         left_out = {*(OF_MOTION if isinstance(record, StaticRecord) else ())}
         left_out |= {*OF_SENSOR} if self._may_be_off(record) else {SENSOR}
+        left_out |= {*PLACES} if self._places_are_known(record) else set()
         if not wider:
             calibrated = () if self._spread is None else map(number_of, self._spread.names)
             left_out |= {*self.known} | ({*NAMES} - {*BY_DEFAULT, *calibrated})
@@ -509,7 +526,7 @@ class Twin:
     ) -> RecordProblem:
         """Make the problem of what is compared of a record, or of its first samples; wider: with all nuisances there are."""
         compared = record.first(self._compared(record))
-        return RecordProblem(
+        problem = RecordProblem(
             self._sensed,
             compared if samples is None else compared.first(samples),
             self._nuisances(self._kinds(compared, wider=wider), compared),
@@ -519,6 +536,7 @@ class Twin:
             None if (error := self._error_of(compared)) is None else error.components,
             report,
         )
+        return self.placed(problem, np.zeros(problem.size))
 
     def _finer(self, record: ResponseRecord, components: Matrix) -> tuple[Forward, Matrix] | None:
         """Return the membrane on a finer mesh, and components of the error that is left there; None if it is not known.
