@@ -7,6 +7,7 @@ import os
 import re
 import tomllib
 from dataclasses import dataclass
+from itertools import compress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
@@ -44,7 +45,7 @@ class Calibrated(Saved):
 
     @property
     def data(self) -> xr.Dataset:
-        """``factor`` and ``deviation`` [1] by ``number``; ``covariance`` of the logarithms of the factors [1]."""
+        """``factor`` and ``deviation`` [1], of places [m], by ``number``; ``covariance`` of logarithms of factors, and these."""
         import xarray as xr
 
         known, ratio = self.calibration, {"units": "1"}
@@ -81,15 +82,23 @@ class Calibrated(Saved):
         return [f"Use it: gossamer twin record.csv {use} {typed(self.path)}"] if self.calibration.valid else []
 
     def tables(self) -> list[TableText]:
-        """Return a row per number."""
+        """Return a row per number, and a table of places."""
         from gossamer_files.tables import TableText
 
-        known = self.calibration
+        known, places = self.calibration, [name.startswith("place_") for name in self.calibration.names]
+        units = [(1e3, 1e3, "mm") if place else (1.0, 100.0, "%") for place in places]
         rows = [
-            (name, uncertain(float(value), float(deviation)), f"{100.0 * prior:.3g} %")
-            for name, value, deviation, prior in zip(known.names, known.factors, known.deviation, known.prior, strict=True)
+            (name, uncertain(unit * float(value), unit * float(deviation)), f"{share * prior:.3g} {sign}")
+            for name, value, deviation, prior, (unit, share, sign) in zip(
+                known.names, known.factors, known.deviation, known.prior, units, strict=True
+            )
         ]
-        return [TableText(("number", "times that of the setup", "known before to"), rows, "Calibration")]
+        titles = {False: ("times that of the setup", "Calibration"), True: ("off its point [mm]", "Places of sensors")}
+        return [
+            TableText(("number", column, "known before to"), list(compress(rows, (each == of for each in places))), title)
+            for of, (column, title) in titles.items()
+            if of in places
+        ]
 
     def to_json(self) -> dict[str, Any]:
         """Return the calibration."""
@@ -107,8 +116,8 @@ def calibrate(
 ) -> Calibrated:
     """Calibrate a structure on records of it without damage, all records together.
 
-    Finds what the records decide of thickness, density, Young's modulus, prestress, tension of edges, damping and gains of
-    gauges, and says which combinations they do not. Load, clock and offsets are fitted for each record by itself. Tests
+    Finds what the records decide of thickness, density, Young's modulus, prestress, tension of edges, damping, and gains and
+    places of gauges, and says which combinations they do not. Load, clock and offsets are fitted for each record by itself. Tests
     whether every record is healthy. gossamer twin and gossamer watch take the values, and what is uncertain stays uncertain
     there; a setup that carries them starts every model with them.
 
@@ -117,8 +126,8 @@ def calibrate(
     files
         Healthy records: CSV files, or results of runs.
     prior
-        How far a number may be off, NAME=VALUE, one standard deviation as a share: thickness=0.05; 0 for what is known. May
-        be repeated. By default what the setup says in its table priors.
+        How far a number may be off, NAME=VALUE, one standard deviation as a share: thickness=0.05; of places of sensors in
+        metres, place=0.002; 0 for what is known. May be repeated. By default what the setup says in its table priors.
     mesh_error
         Whether finer elements are simulated too; by default for measured records.
     out
@@ -189,7 +198,7 @@ def _carrying(source: Path, path: Path, setup: Setup, calibration: Calibration) 
         start, end = line.span() if line else (len(head), len(head))
         before = "" if line or head[-1:] in ("", "\n") else "\n"
         head = f"{head[:start]}{before}{name} = {value}{head[end:] if line else chr(10)}"
-    rows = {name: json.dumps(getattr(known, name)) for name in ("names", "covariance", "gains", "drawing")}
+    rows = {name: json.dumps(getattr(known, name)) for name in ("names", "covariance", "gains", "places", "drawing")}
     rows["parameters"] = "{ " + ", ".join(f"{json.dumps(k)} = {v!r}" for k, v in known.parameters.items()) + " }"
     lines = [f"{name} = {value}" for name, value in rows.items()]
     title = "[calibration]  # by gossamer calibrate, from healthy records"

@@ -360,7 +360,8 @@ class Setup:
         Some of ``SCALABLE``: numbers of the setup that a parameter ``<name>_factor`` of the model multiplies, in all
         regions or along all edges.
     priors : mapping of str to float
-        How far numbers of the setup may be off, one standard deviation as a share [1], by the names that a calibration has.
+        How far numbers of the setup may be off, one standard deviation as a share [1], by the names that a calibration has;
+        ``place`` of the sensors in metres.
     calibration : KnownNumbers or None
         See there; the model starts with its values.
 

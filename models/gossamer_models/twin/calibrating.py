@@ -60,8 +60,8 @@ def calibrate(
     parameters : mapping of str to float
         Parameters of the membrane that differ from its start values.
     priors : mapping of str to float
-        How far numbers may be off [1], one standard deviation, by their names in ``PRIORS``, and ``place`` for how far gauges
-        may be from their points along their directions, and across [m]; 0 for what is known. Of the others that the
+        How far numbers may be off [1], one standard deviation, by their names in ``PRIORS``, and ``place`` for how far
+        gauges may be from their points along their directions, and across [m]; 0 for what is known. Of the others that the
         structure has, what its setup says, else the deviations there, and 0.2 % of the size for places.
     sensor, sensor_parameters
         As of ``Twin``, for records of resistance.
@@ -85,7 +85,8 @@ def calibrate(
     -----
     Bounded least squares without damage: what is a number of the structure, or gain or place of a gauge, is shared; load,
     clock and offsets are those of each record. Places are found of records of strain, not of the square, whose error of the
-    mesh is known at its sensors alone; what they change is linear, with slopes that are simulated again at what is found. Whether a record is healthy is tested by Rao's score of damage in each zone, beside all
+    mesh is known at its sensors alone; what they change is linear, with slopes that are simulated again at what is found.
+    Whether a record is healthy is tested by Rao's score of damage in each zone, beside all
     that was fitted.
     """
     require(records, "a calibration needs a healthy record or more.", DataError)
@@ -101,8 +102,8 @@ def calibrate(
         msg = f"the prior of {PLACE!r} is {place:g} m. Write a standard deviation up to {most:.3g} m, 0.002 for 2 mm."
         raise ParameterError(msg)
     if place and structure.starts_in_plane:
-        msg = "places of sensors are not calibrated on the square, whose error of the mesh is known at its own alone."
-        raise ParameterError(f"{msg} Leave {PLACE!r} out.")
+        msg = f"on the square places are not calibrated: its mesh error is known at its own sensors. Leave {PLACE!r} out."
+        raise ParameterError(msg)
     if bad := [name for name, value in given.items() if not 0.0 <= value <= 2.0]:
         msg = f"the prior of {bad[0]!r} is {given[bad[0]]:g}. Write a standard deviation as a share, 0.05 for 5 %."
         raise ParameterError(msg)

@@ -364,7 +364,8 @@ class Nuisances:
         values = self.values(z, np.zeros(z.size))
         split = [(name, *name.removesuffix("]").partition("[")) for name in names]
         return [
-            WORDS[kind].format(at=at, value=values[name][0] * (1e3 if kind in PLACES else 1.0)) + f" ({name})" * (bool(at) and number_of(name) in SCALES)
+            WORDS[kind].format(at=at, value=values[name][0] * (1e3 if kind in PLACES else 1.0))
+            + f" ({name})" * (bool(at) and number_of(name) in SCALES)
             for name, kind, _, at in split
             if kind in WORDS
         ]

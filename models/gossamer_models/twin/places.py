@@ -2,10 +2,12 @@ r"""What places of strain gauges change: how the strain of a record changes alon
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..arrays import Matrix, Vector
-from ..membrane.gauges import moved_gauge, stacked
+from ..membrane.gauges import moved_gauge
 from .forward import MembraneForward
 from .least_squares import require_finite
 from .nuisances import SPARE, Nuisances
@@ -27,13 +29,14 @@ class PlaceSlopes:
     def __init__(self, forward: MembraneForward) -> None:
         structure, moves = forward.structure, [(0.0, 0.0), (MOVE, 0.0), (0.0, MOVE)]
         mesh, normals, sensors = structure.mesh, structure.normals, structure.setup.sensors
-        gauges = [moved_gauge(mesh, normals, sensor, move) for move in moves for sensor in sensors]
-        read = stacked(len(moves) * sensors, gauges, len(mesh.nodes))
-        self._forward = MembraneForward(structure, {**forward.parameters, **forward.inputs}, read, forward.faults)
+        gauges = tuple(moved_gauge(mesh, normals, sensor, move) for move in moves for sensor in sensors)
+        read = replace(structure, setup=replace(structure.setup, sensors=len(moves) * sensors), gauges=gauges)
+        self._forward = MembraneForward(read, {**forward.parameters, **forward.inputs}, faults=forward.faults)
 
-    def at(self, nuisances: Nuisances, record: ResponseRecord, x: Vector) -> Matrix:
-        """Return the slopes [1/m] at unknowns, shape (2, s, n), as long as a record and what is simulated after it."""
+    def at(self, nuisances: Nuisances, record: ResponseRecord, x: Vector | None = None) -> Matrix:
+        """Return the slopes [1/m] at unknowns, 0 for None, shape (2, s, n), as long as a record and what is simulated after it."""
         unknowns = DamageUnknowns(self._forward, nuisances)
+        x = np.zeros(unknowns.size) if x is None else x
         if isinstance(record, StaticRecord):
             y = unknowns.histories(x[None], record.states, 0.0)[:, :, record.state]
         else:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Literal, TypeAlias
 
@@ -197,6 +197,7 @@ class Twin:
         if discrepancy == "learned" and not self._learned:
             self.discrepancy = None
         self._behind: Discrepancy | None = None
+        self._slopes: tuple[ResponseRecord | None, Matrix | None] = (None, None)
         if healthy is not None and (mesh_error is None or self.discrepancy is not None):
             msg = (
                 "a healthy record does not tell what damage does on a finer mesh, so it is taken from others only where the "
@@ -233,10 +234,14 @@ class Twin:
         return self._problem(self._usable(record)[0], report)
 
     def placed(self, problem: RecordProblem, x: Vector) -> RecordProblem:
-        """Return a problem with what places of sensors change at unknowns, where they are unknown."""
-        if self._place_slopes is None or not {*PLACES} & {*problem.nuisances.kinds}:
-            return problem
-        return problem.placed(self._place_slopes.at(problem.nuisances, problem.record, x))
+        """Return a problem whose places of sensors change what they do at unknowns, where they are nuisances."""
+        slopes = self._slopes_at(problem.record, problem.nuisances, x)
+        return problem if slopes is None else problem.placed(slopes)
+
+    def _slopes_at(self, record: ResponseRecord, nuisances: Nuisances, x: Vector | None = None) -> Matrix | None:
+        if not {*PLACES} & {*nuisances.kinds} or self._place_slopes is None:
+            return None
+        return self._place_slopes.at(nuisances, record, x)
 
     @cached_property
     def _place_slopes(self) -> PlaceSlopes | None:
@@ -526,17 +531,19 @@ class Twin:
     ) -> RecordProblem:
         """Make the problem of what is compared of a record, or of its first samples; wider: with all nuisances there are."""
         compared = record.first(self._compared(record))
-        problem = RecordProblem(
+        nuisances = self._nuisances(self._kinds(compared, wider=wider), compared)
+        if self._slopes[0] is not record:  # those of all its problems
+            self._slopes = (record, self._slopes_at(compared, nuisances))
+        return RecordProblem(
             self._sensed,
             compared if samples is None else compared.first(samples),
-            self._nuisances(self._kinds(compared, wider=wider), compared),
+            replace(nuisances, slopes=self._slopes[1]),
             record.noise_deviation() if noise is None else noise,
             self._discrepancy_of(record, report),
             groups,
             None if (error := self._error_of(compared)) is None else error.components,
             report,
         )
-        return self.placed(problem, np.zeros(problem.size))
 
     def _finer(self, record: ResponseRecord, components: Matrix) -> tuple[Forward, Matrix] | None:
         """Return the membrane on a finer mesh, and components of the error that is left there; None if it is not known.
