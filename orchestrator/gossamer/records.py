@@ -69,10 +69,9 @@ class KnownRecord:
         from gossamer_models.sensor import SensorArtifact, default_artifact
 
         structure, calibration = self.structure, self.calibration
-        if self.of_run:  # a simulation reads what there is: gains are those of gauges
-            if structure.setup.calibration is not None:
-                setup = replace(structure.setup, calibration=structure.setup.calibration.of_structure)
-                structure = replace(structure, setup=setup)
+        if self.of_run and structure.setup.calibration is not None:  # a simulation reads what there is: gains are of gauges
+            setup = replace(structure.setup, calibration=structure.setup.calibration.of_structure)
+            structure = replace(structure, setup=setup)
         known: dict[str, Any] = {"structure": structure, "parameters": self.parameters}
         known |= {} if calibration is None else {"calibration": calibration}
         if self.record.kind == "strain":

@@ -25,6 +25,7 @@ BESIDE = 0.005  # of the size: how far beside a gauge others tell what a move ch
 _ACROSS = 1e-2  # part of a direction that lies in the surface, at least
 _BENT = 0.05  # share of a gauge that a curved surface may take from it
 _NEAREST = 12  # elements looked into
+_ROUND = 1.5  # times the distance of its nodes from their middle, within which an element lies
 _THERE = 1e-13  # how far a point on an element may seem to be from it, shares of the size
 
 
@@ -149,6 +150,16 @@ def place_matrix(mesh: SurfaceMesh, points: Vector) -> Vector:
     return matrix
 
 
+def nearest_place(mesh: SurfaceMesh, point: Vector) -> tuple[Vector, Vector, Vector]:
+    """Return the place of a mesh that is nearest to a point, the normal there, and the weights of the nodes, shape (N,)."""
+    _, block, k, st, place = _element_at(mesh, point)
+    N, D = shape_functions(block.order, st)
+    s, t = D.T @ mesh.nodes[block.elements[k]]
+    weights = np.zeros(len(mesh.nodes))
+    weights[block.elements[k]] = N
+    return place, np.cross(s, t) / np.linalg.norm(np.cross(s, t)), weights
+
+
 def _element_at(mesh: SurfaceMesh, point: Vector) -> tuple[float, Block, int, Vector, Vector]:
     """Return distance, block, number and parent coordinates of the element nearest to a point, and the place on it."""
     best: tuple[float, Block, int, Vector, Vector] | None = None
@@ -157,6 +168,9 @@ def _element_at(mesh: SurfaceMesh, point: Vector) -> tuple[float, Block, int, Ve
         near = cKDTree(centres).query(point, k=min(_NEAREST, len(centres)))[1]
         for k in np.atleast_1d(near):
             X = mesh.nodes[block.elements[k]]
+            reach = _ROUND * np.linalg.norm(X - centres[k], axis=1).max()
+            if best is not None and np.linalg.norm(point - centres[k]) - reach > best[0]:
+                continue
             st, distance, place = _nearest(block.order, X, point)
             if best is None or distance < best[0]:
                 best = (distance, block, int(k), st, place)

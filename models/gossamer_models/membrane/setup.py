@@ -8,10 +8,12 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import combinations_with_replacement
 from typing import Literal, TypeAlias
 
 import numpy as np
 
+from ..arrays import Matrix, Vector
 from ..mistakes import Mistake, no_direction, not_finite, outside, raise_any
 from .law import LAWS
 from .zones import ZERO, Triple, Zone
@@ -275,6 +277,47 @@ class Fault:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Built:
+    """How far the shape that was built is from the mesh, along its normal, as ``gossamer calibrate --survey`` finds it.
+
+    Attributes
+    ----------
+    centre : tuple of float
+        Where the coordinates are 0 [m].
+    size : float
+        Length over which they change by 2 [m].
+    coefficients : tuple of float
+        Of monomials in them [m]: 1, x, y, z, xx, xy, xz, yy, yz, zz, xxx, ..., up to a whole degree.
+    """
+
+    centre: Triple
+    size: float
+    coefficients: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        mistakes = [*outside(self, size=(1e-6, 1e6)), *not_finite(self, "centre", "coefficients")]
+        if len(self.coefficients) not in (of_degree := [math.comb(degree + 3, 3) for degree in range(9)]):
+            text = f"there are {len(self.coefficients)} 'coefficients'. Polynomials have {', '.join(map(str, of_degree))}."
+            mistakes.append(Mistake(("coefficients",), text))
+        raise_any(mistakes)
+
+    def coordinates(self, X: Matrix) -> Matrix:
+        """Return the coordinates of places [m], shape (n, 3)."""
+        return np.asarray(2.0 * (X - np.array(self.centre)) / self.size)
+
+    def deviation(self, X: Matrix) -> Vector:
+        """Return the deviation at places of the drawing [m], shape (n,)."""
+        degree = next(d for d in range(9) if math.comb(d + 3, 3) == len(self.coefficients))
+        return np.asarray(monomials(self.coordinates(X), degree) @ np.array(self.coefficients))
+
+
+def monomials(x: Matrix, degree: int) -> Matrix:
+    """Return all products of up to so many coordinates, shape (n, 3), shape (n, products)."""
+    ways = [way for d in range(degree + 1) for way in combinations_with_replacement(range(3), d)]
+    return np.column_stack([np.prod(x[:, list(way)], axis=1) for way in ways])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class KnownNumbers:
     """What healthy records told of the membrane, as ``gossamer calibrate`` writes it.
 
@@ -364,6 +407,8 @@ class Setup:
         ``place`` of the sensors in metres.
     calibration : KnownNumbers or None
         See there; the model starts with its values.
+    built : Built or None
+        See there; it moves the nodes of the mesh file.
 
     Raises
     ------
@@ -394,6 +439,7 @@ class Setup:
     faults: tuple[Fault, ...] = ()
     priors: Mapping[str, float] = field(default_factory=dict, hash=False)
     calibration: KnownNumbers | None = None
+    built: Built | None = None
 
     def __post_init__(self) -> None:
         raise_any([*self._mistakes()])

@@ -30,6 +30,7 @@ from .zones import Zone, divide
 _FLAT = 1e-9  # share of its mean, or of the size cubed, below which an element has no area, a surface no volume
 _EDGE = 0.2  # squared sine of a tilt [1] from which on the surface has an edge
 _CHORDS = 0.01  # of which more is remarked on
+_SHIFTED = 1.5  # times the deviation of the built shape at a sensor, by which it may be away beside
 _FAR = 1e-3  # how far a sensor may be from the surface, shares of its size
 
 
@@ -392,7 +393,8 @@ def _gauges(setup: Setup, mesh: SurfaceMesh, normals: Vector) -> Iterator[Gauge]
         except DataError as error:
             mistakes.append(Mistake(("sensors", i, "direction"), f"sensor {i + 1}: {error}"))
             continue
-        if found.away > _FAR * mesh.size:
+        shifted = abs(setup.built.deviation(np.array([sensor.point]))[0]) if setup.built else 0.0  # from the drawn surface
+        if found.away > _FAR * mesh.size + _SHIFTED * shifted:
             what = "its gauge reaches beyond an edge" if sensor.gauge_length else "it is away from the surface"
             text = f"sensor {i + 1} at {list(sensor.point)} m: {what} by {found.away:.3g} m. Move it onto the membrane."
             mistakes.append(Mistake(("sensors", i, "point"), text))

@@ -361,10 +361,10 @@ class Nuisances:
 
     def told(self, names: Iterable[str], z: Vector) -> list[str]:
         """Say what some nuisances are."""
-        values = self.values(z, np.zeros(z.size))
+        values, factor = self.values(z, np.zeros(z.size)), dict.fromkeys(PLACES, 1e3)  # in mm
         split = [(name, *name.removesuffix("]").partition("[")) for name in names]
         return [
-            WORDS[kind].format(at=at, value=values[name][0] * (1e3 if kind in PLACES else 1.0))
+            WORDS[kind].format(at=at, value=factor.get(kind, 1.0) * values[name][0])
             + f" ({name})" * (bool(at) and number_of(name) in SCALES)
             for name, kind, _, at in split
             if kind in WORDS

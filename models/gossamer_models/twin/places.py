@@ -34,7 +34,7 @@ class PlaceSlopes:
         self._forward = MembraneForward(read, {**forward.parameters, **forward.inputs}, faults=forward.faults)
 
     def at(self, nuisances: Nuisances, record: ResponseRecord, x: Vector | None = None) -> Matrix:
-        """Return the slopes [1/m] at unknowns, 0 for None, shape (2, s, n), as long as a record and what is simulated after it."""
+        """Return the slopes [1/m] at unknowns, 0 for None, shape (2, s, n), as long as what is simulated of a record."""
         unknowns = DamageUnknowns(self._forward, nuisances)
         x = np.zeros(unknowns.size) if x is None else x
         if isinstance(record, StaticRecord):
