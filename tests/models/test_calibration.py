@@ -265,7 +265,8 @@ def test_modulus_by_region_and_the_stiffness_of_supports_are_calibrated():
     values = strain + 1e-5 * np.random.default_rng(0).standard_normal(strain.shape)
     states = StaticRecord(step=1.0, values=values, noise=1e-5, inputs=pressures, names=("a", "b"), state=np.arange(2))
     structure = two_halves()
-    found = calibrate(structure, [states], priors={"thickness": 0.0, "prestress": 0.0}, mesh_error=False)
+    priors = dict.fromkeys(("thickness", "prestress", "place"), 0.0)
+    found = calibrate(structure, [states], priors=priors, mesh_error=False)
     assert found.valid
     assert {"modulus[1]", "modulus[2]", "support"} <= {*found.names}
     value, deviation = (dict(zip(found.names, each, strict=True)) for each in (found.factors, found.deviation))
