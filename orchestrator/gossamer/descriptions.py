@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 from gossamer_files.options import option
 from gossamer_models import campaign
 from gossamer_models.campaign import CampaignPlan
-from gossamer_models.membrane import Setup, Structure, make_structure, read_mesh, surface_mesh
+from gossamer_models.membrane import Setup, Structure, as_built, make_structure, read_mesh, surface_mesh
 from gossamer_models.membrane.portable import TABLES
 from gossamer_models.mistakes import DescriptionError
 from gossamer_models.twin import read_loads
@@ -172,7 +172,8 @@ def load_structure(setup: AnyPath, mesh: AnyPath | None = None, *, expose: bool 
     found = replace(found, expose=expose or found.expose)
     with locating(source):
         file = Path(mesh or path.parent / found.mesh)
-        return make_structure(found, surface_mesh(read_mesh(file, found.scale), found.order))
+        drawn = surface_mesh(read_mesh(file, found.scale), found.order)
+        return make_structure(found, drawn if found.built is None else as_built(drawn, found.built))
 
 
 def _warn_of_units(setup: Setup, source: Source) -> None:

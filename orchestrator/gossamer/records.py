@@ -69,11 +69,9 @@ class KnownRecord:
         from gossamer_models.sensor import SensorArtifact, default_artifact
 
         structure, calibration = self.structure, self.calibration
-        if self.of_run:  # a simulation reads what there is: gains are those of gauges
-            calibration = None if calibration is None else calibration.of_structure
-            if structure.setup.calibration is not None:
-                setup = replace(structure.setup, calibration=structure.setup.calibration.of_structure)
-                structure = replace(structure, setup=setup)
+        if self.of_run and structure.setup.calibration is not None:  # a simulation reads what there is: gains are of gauges
+            setup = replace(structure.setup, calibration=structure.setup.calibration.of_structure)
+            structure = replace(structure, setup=setup)
         known: dict[str, Any] = {"structure": structure, "parameters": self.parameters}
         known |= {} if calibration is None else {"calibration": calibration}
         if self.record.kind == "strain":
@@ -168,6 +166,7 @@ def _calibrated(found: KnownRecord, options: TwinOptions) -> KnownRecord:
     if path is None:
         return found
     known = Calibration.read(Path(path))
+    known = known.of_structure if found.of_run else known
     structure, parameters = known.applied(found.structure, None)
     given = _assigned(assigned(options["set"]), structure)  # a run's record of its own parameters does not count
     return replace(found, structure=structure, parameters={**found.parameters, **parameters, **given}, calibration=known)

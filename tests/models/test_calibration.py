@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from gossamer_models import DataError, ParameterError
 from gossamer_models.membrane import Region, Support, Zone, make_structure, square_structure, surface_mesh
+from gossamer_models.membrane.gauges import beside
 from gossamer_models.membrane.setup import Sensor, Setup
 from gossamer_models.mistakes import DescriptionError
 from gossamer_models.twin import Calibration, MembraneForward, ResponseRecord, StaticRecord, Twin, Watch, calibrate
-from gossamer_models.twin.nuisances import Nuisances, Spread
+from gossamer_models.twin.nuisances import PLACES, Nuisances, Spread
 from oracles.meshes import disc, meshed
 
 COARSE = square_structure(4, 1)  # twin and truth have the same mesh, so that a simulation costs little
@@ -264,7 +265,8 @@ def test_modulus_by_region_and_the_stiffness_of_supports_are_calibrated():
     values = strain + 1e-5 * np.random.default_rng(0).standard_normal(strain.shape)
     states = StaticRecord(step=1.0, values=values, noise=1e-5, inputs=pressures, names=("a", "b"), state=np.arange(2))
     structure = two_halves()
-    found = calibrate(structure, [states], priors={"thickness": 0.0, "prestress": 0.0}, mesh_error=False)
+    priors = dict.fromkeys(("thickness", "prestress", "place"), 0.0)
+    found = calibrate(structure, [states], priors=priors, mesh_error=False)
     assert found.valid
     assert {"modulus[1]", "modulus[2]", "support"} <= {*found.names}
     value, deviation = (dict(zip(found.names, each, strict=True)) for each in (found.factors, found.deviation))
@@ -277,3 +279,83 @@ def test_modulus_by_region_and_the_stiffness_of_supports_are_calibrated():
     kinds = Twin(structure, calibration=found).least_squares(states).nuisances.names
     assert {"modulus[1]", "modulus[2]", "support"} <= {*kinds}
     assert "modulus" not in kinds
+
+
+AROUND = [2.0 * np.pi * (k + 0.3) / 6.0 for k in range(6)]
+OFF = np.array([[4.0, 1.0], [-3.0, 2.0], [5.0, -1.0], [-4.0, 0.0], [2.0, -2.0], [-5.0, 1.0]]) * 1e-3  # [m]
+PULLS = np.array([0.4, 0.7, 1.0])
+KNOWN = dict.fromkeys(("thickness", "prestress", "density", "modulus", "gain"), 0.0)
+
+
+def quarter(turn):
+    def patch(s, t):
+        angle, r = np.pi / 2.0 * (s + turn), 0.3 * (1.0 / 0.3) ** t
+        return r * np.cos(angle), r * np.sin(angle), 0.0 * s
+
+    return patch
+
+
+def ring():
+    """A flat ring whose hole is drawn together: the strain that six radial gauges read falls as the radius squared."""
+    region = Region(youngs_modulus=1e7, poisson_ratio=0.3, density=1e3, thickness=1e-3, prestress=(5e5, 5e5, 0.0))
+    sensors = tuple(
+        Sensor(point=(0.5 * np.cos(a), 0.5 * np.sin(a), 0.0), direction=(np.cos(a), np.sin(a), 0.0)) for a in AROUND
+    )
+    supports = (Support(group="rim"), Support(group="hole", stretch=(0.95, 0.95, 1.0), motion="pull"))
+    setup = Setup(regions=(region,), supports=supports, zones=(Zone(sectors=(3,)),), sensors=sensors, order=2)
+    points = RIM | {"hole": lambda x, y, z: np.hypot(x, y) < 0.3 + 1e-9}
+    return make_structure(setup, surface_mesh(meshed([quarter(k) for k in range(4)], 2, points=points, kind="quad9"), 2))
+
+
+def misplaced(structure):
+    """The same with its gauges glued on elsewhere."""
+    sensors = []
+    for sensor, move in zip(structure.setup.sensors, OFF.tolist(), strict=True):
+        for way, by in enumerate(move):
+            sensor = beside(structure.mesh, structure.normals, sensor, by, way)
+        sensors.append(sensor)
+    return make_structure(replace(structure.setup, sensors=tuple(sensors)), structure.mesh)
+
+
+def pulled(forward, damage=(0.0, 0.0, 0.0), factor=1.0, seed=0, noise=1e-5):
+    loads = {"pull": factor * PULLS}
+    strain = forward.states(np.array([damage]), {}, loads)[0]
+    values = strain + noise * np.random.default_rng(seed).standard_normal(strain.shape)
+    return StaticRecord(step=1.0, values=values, noise=noise, inputs=loads, names=("a", "b", "c"), state=np.arange(3))
+
+
+def test_places_of_gauges_are_found_and_the_calibrated_setup_reads_there():
+    """The load is known to 10 %, so that all gauges may be as far inward together; across, nothing changes."""
+    drawn = ring()
+    truth = MembraneForward(misplaced(drawn))
+    healthy = [pulled(truth, seed=1), pulled(truth, factor=1.1, seed=2)]
+    known = calibrate(drawn, healthy, priors={**KNOWN, "place": 0.005}, mesh_error=False)
+    assert known.valid, known.doubts
+    assert known.names == tuple(f"{kind}[{k}]" for kind in PLACES for k in range(1, 7))
+    assert (np.abs(known.factors - OFF.T.ravel()) < 3.5 * known.deviation).all()
+    apart = np.eye(12)[:6] - np.eye(12)[:6].mean(axis=0)
+    assert apart @ known.factors == pytest.approx(OFF[:, 0] - OFF[:, 0].mean(), abs=5e-4)
+    assert np.sqrt(np.diag(apart @ known.covariance @ apart.T)).max() < 3e-4
+    (sentence,) = known.untold
+    assert sentence == "the records hardly tell how far sensors 1, 2, 3, 4, 5, 6 are off across the direction"
+    torn = pulled(truth, (0.0, 0.15, 0.0), 0.95, seed=3)
+    exact = {"known": ("gain", "density", "modulus"), "discrepancy": None}
+    answer = Twin(drawn, calibration=known, **exact).fit(torn)
+    assert answer.valid, answer.doubts
+    assert answer.damage == pytest.approx([0.0, 0.15, 0.0], abs=0.02)
+    assert abs(answer.damage[1] - 0.15) < 3.5 * answer.deviation[1]
+    carried = make_structure(replace(drawn.setup, calibration=known.known), drawn.mesh)
+    there = MembraneForward(carried).states(np.zeros((1, 3)), {}, {"pull": PULLS})
+    assert there == pytest.approx(
+        MembraneForward(known.applied(drawn, None)[0]).states(np.zeros((1, 3)), {}, {"pull": PULLS})
+    )
+    assert there == pytest.approx(truth.states(np.zeros((1, 3)), {}, {"pull": PULLS}), rel=0.02)
+    blind = calibrate(drawn, healthy, priors={**KNOWN, "modulus": 0.05, "place": 0.0}, mesh_error=False)
+    assert any("record 1 is not explained" in doubt for doubt in blind.doubts)
+
+
+def test_a_prior_of_places_is_in_metres_and_not_of_the_square():
+    with pytest.raises(ParameterError, match=r"the prior of 'place' is 2 m\. Write a standard deviation up to 0\.1 m"):
+        calibrate(ring(), [record()], priors={"place": 2.0}, mesh_error=False)
+    with pytest.raises(ParameterError, match="on the square places are not calibrated"):
+        calibrate(COARSE, [record()], priors={"place": 0.002}, mesh_error=False)

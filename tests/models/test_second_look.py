@@ -8,10 +8,10 @@ from gossamer_models.assessment.conditions import chosen, conditions, finer, pla
 from gossamer_models.assessment.records import make_records
 from gossamer_models.campaign import Distribution, MeasurementNoise
 from gossamer_models.membrane import square_structure
-from gossamer_models.membrane.gauges import gauge, stacked
+from gossamer_models.membrane.gauges import BESIDE, gauge, stacked
 from gossamer_models.twin import MembraneForward, ResponseRecord, Twin
 from gossamer_models.twin.nuisances import BY_DEFAULT
-from gossamer_models.twin.second_look import PARTS, PLACE, Parted
+from gossamer_models.twin.second_look import PARTS, Parted
 from scipy.signal import lfilter
 
 pytest.importorskip("ziglang", reason="the twin needs the compiler for its speed")
@@ -55,12 +55,12 @@ def test_parts_move_no_mean_and_places_are_those_of_moved_gauges(forward, parted
     side = SQUARE.mesh.size
     moved = []
     for sensor in SQUARE.setup.sensors:
-        point = np.array(sensor.point) + PLACE * side * np.array([-1.0, 0.0, 0.0])  # across the sensor
+        point = np.array(sensor.point) + BESIDE * side * np.array([-1.0, 0.0, 0.0])  # across the sensor
         moved.append(gauge(SQUARE.mesh, point, np.array(sensor.direction), 0.0))
     gauges = stacked(SQUARE.setup.sensors, moved, len(SQUARE.mesh.nodes))
     there = MembraneForward(SQUARE, gauges=gauges).strain(np.full((1, 16), 1e-3), {}, {}, STEPS, STEP)[0]
     here = forward.strain(np.full((1, 16), 1e-3), {}, {}, STEPS, STEP)[0]
-    slope = (there - here) / PLACE
+    slope = (there - here) / BESIDE
     for k in range(4):
         np.testing.assert_allclose(columns["place"][4 + k, k], slope[k], atol=1e-6 * np.abs(slope).max())
         assert not columns["place"][4 + k, [j for j in range(4) if j != k]].any()

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 from pathlib import Path
 
-from ..membrane import Setup, Structure, make_structure, read_mesh, read_structure, square_structure, surface_mesh
+from ..membrane import Setup, Structure, as_built, make_structure, read_mesh, read_structure, square_structure, surface_mesh
 from ..membrane.surface import refined
 from ..mistakes import DescriptionError, Mistake, raise_any
 from ..twin.nuisances import LoadTable
@@ -114,7 +114,8 @@ def _on_its_mesh(setup: Setup, carried: str) -> Structure:
         there = read_structure(carried)
         same = there.setup.order == setup.order
         return make_structure(setup, there.mesh if same else refined(there.mesh, setup.order, quarters=False))
-    return make_structure(setup, surface_mesh(read_mesh(Path(setup.mesh), setup.scale), setup.order))
+    mesh = surface_mesh(read_mesh(Path(setup.mesh), setup.scale), setup.order)
+    return make_structure(setup, mesh if setup.built is None else as_built(mesh, setup.built))
 
 
 @lru_cache(maxsize=8)

@@ -1,11 +1,12 @@
 """A membrane of any shape, from a mesh and a setup; the square of the thesis is the setup that ships."""
 
 from .assembly import MembraneEquations
+from .built import Surveyed, as_built, surveyed, with_shape
 from .law import LAWS
 from .model import first_period, membrane_model
 from .portable import read_structure
 from .reading import MeshFile, read_mesh
-from .setup import Edge, Fault, Gas, Load, Region, Sensor, Setup, Support
+from .setup import Built, Edge, Fault, Gas, Load, Region, Sensor, Setup, Support
 from .square import MembraneParams, square_structure
 from .statics import Equilibria, Equilibrium, EquilibriumDerivatives
 from .structure import Structure, make_structure
@@ -21,6 +22,7 @@ __all__ = [
     "Equilibrium",
     "EquilibriumDerivatives",
     # what it is made of
+    "Built",
     "Edge",
     "Fault",
     "Gas",
@@ -32,6 +34,10 @@ __all__ = [
     "Support",
     "Zone",
     # where it is
+    "as_built",
+    "surveyed",
+    "Surveyed",
+    "with_shape",
     "make_structure",
     "MeshFile",
     "read_mesh",

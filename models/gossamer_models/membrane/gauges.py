@@ -7,7 +7,7 @@ positions, whose length less one is the strain.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse
@@ -17,13 +17,15 @@ from scipy.spatial import cKDTree
 from ..arrays import Matrix, Vector
 from ..errors import DataError
 from .element import derivative_matrix, gauss_points, lobatto_points, value_matrix
-from .setup import Sensor
+from .setup import Place, Sensor
 from .surface import Block, SurfaceMesh
 
 SAMPLES = 5  # of a gauge with a length, Gauss-Legendre
+BESIDE = 0.005  # of the size: how far beside a gauge others tell what a move changes, at least
 _ACROSS = 1e-2  # part of a direction that lies in the surface, at least
 _BENT = 0.05  # share of a gauge that a curved surface may take from it
 _NEAREST = 12  # elements looked into
+_ROUND = 1.5  # times the distance of its nodes from their middle, within which an element lies
 _THERE = 1e-13  # how far a point on an element may seem to be from it, shares of the size
 
 
@@ -98,6 +100,47 @@ def gauge(mesh: SurfaceMesh, point: Vector, direction: Vector, length: float) ->
     return Gauge(scipy.sparse.csr_array(np.array(rows)), weights, away)
 
 
+def moved_gauge(mesh: SurfaceMesh, normals: Vector, sensor: Sensor, move: Place = (0.0, 0.0)) -> Gauge:
+    """Place a gauge that is off its point, along its direction and across it [m].
+
+    Notes
+    -----
+    Its reading is linear in the move: that at its point, and differences of gauges on both sides. These are an element apart
+    where the strain is all but constant within elements, of order 1.
+    """
+    own = _placed(mesh, sensor)
+    lines, weights, reach = [own.lines], [own.weights], _reach(mesh)
+    for way, by in enumerate(move):
+        ends = [beside(mesh, normals, sensor, side * reach, way) for side in (1.0, -1.0)] if by else []
+        if ends:
+            there = place_matrix(mesh, np.array([end.point for end in ends])) @ mesh.nodes  # on the membrane
+            slope = by / max(float(np.linalg.norm(there[0] - there[1])), _THERE * mesh.size)
+            for end, factor in zip(ends, (slope, -slope), strict=True):
+                found = _placed(mesh, end)
+                lines.append(found.lines)
+                weights.append(factor * found.weights)
+    return Gauge(scipy.sparse.csr_array(scipy.sparse.vstack(lines)), np.concatenate(weights), own.away)
+
+
+def beside(mesh: SurfaceMesh, normals: Vector, sensor: Sensor, by: float, way: int) -> Sensor:
+    """Return a sensor beside its place [m], along its direction or, for a way of 1, across it."""
+    node = int(np.argmin(np.linalg.norm(mesh.nodes - np.array(sensor.point), axis=1)))
+    along = np.array(sensor.direction) / np.linalg.norm(sensor.direction)
+    step = along if way == 0 else np.cross(normals[node], along)
+    x, y, z = (np.array(sensor.point) + by * step / np.linalg.norm(step)).tolist()
+    return replace(sensor, point=(x, y, z))
+
+
+def _placed(mesh: SurfaceMesh, sensor: Sensor) -> Gauge:
+    return gauge(mesh, np.array(sensor.point), np.array(sensor.direction), sensor.gauge_length)
+
+
+def _reach(mesh: SurfaceMesh) -> float:
+    """Return how far beside a gauge others are read [m]."""
+    first = [np.diff(mesh.nodes[block.elements[:, :2]], axis=1) for block in mesh.blocks if block.order < 2]  # sides
+    return max([BESIDE * mesh.size, *(float(np.linalg.norm(side, axis=2).mean()) for side in first)])
+
+
 def place_matrix(mesh: SurfaceMesh, points: Vector) -> Vector:
     """Return the weights of the nodes that interpolate at the places nearest to points, shape (points, N)."""
     matrix = np.zeros((len(points), len(mesh.nodes)))
@@ -105,6 +148,16 @@ def place_matrix(mesh: SurfaceMesh, points: Vector) -> Vector:
         _, block, k, st, _place = _element_at(mesh, point)
         row[block.elements[k]] = shape_functions(block.order, st)[0]
     return matrix
+
+
+def nearest_place(mesh: SurfaceMesh, point: Vector) -> tuple[Vector, Vector, Vector]:
+    """Return the place of a mesh that is nearest to a point, the normal there, and the weights of the nodes, shape (N,)."""
+    _, block, k, st, place = _element_at(mesh, point)
+    N, D = shape_functions(block.order, st)
+    s, t = D.T @ mesh.nodes[block.elements[k]]
+    weights = np.zeros(len(mesh.nodes))
+    weights[block.elements[k]] = N
+    return place, np.cross(s, t) / np.linalg.norm(np.cross(s, t)), weights
 
 
 def _element_at(mesh: SurfaceMesh, point: Vector) -> tuple[float, Block, int, Vector, Vector]:
@@ -115,6 +168,9 @@ def _element_at(mesh: SurfaceMesh, point: Vector) -> tuple[float, Block, int, Ve
         near = cKDTree(centres).query(point, k=min(_NEAREST, len(centres)))[1]
         for k in np.atleast_1d(near):
             X = mesh.nodes[block.elements[k]]
+            reach = _ROUND * np.linalg.norm(X - centres[k], axis=1).max()
+            if best is not None and np.linalg.norm(point - centres[k]) - reach > best[0]:
+                continue
             st, distance, place = _nearest(block.order, X, point)
             if best is None or distance < best[0]:
                 best = (distance, block, int(k), st, place)

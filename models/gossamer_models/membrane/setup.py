@@ -8,14 +8,17 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from itertools import combinations_with_replacement
+from typing import Literal, TypeAlias
 
 import numpy as np
 
+from ..arrays import Matrix, Vector
 from ..mistakes import Mistake, no_direction, not_finite, outside, raise_any
 from .law import LAWS
 from .zones import ZERO, Triple, Zone
 
+Place: TypeAlias = tuple[float, float]
 LEFT = ("left_along", "left_across")  # inputs: shares of the stiffness of each zone along its region's axes
 # variables that a membrane has beside loads and motions
 RESERVED = {
@@ -274,19 +277,62 @@ class Fault:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Built:
+    """How far the shape that was built is from the mesh, along its normal, as ``gossamer calibrate --survey`` finds it.
+
+    Attributes
+    ----------
+    centre : tuple of float
+        Where the coordinates are 0 [m].
+    size : float
+        Length over which they change by 2 [m].
+    coefficients : tuple of float
+        Of monomials in them [m]: 1, x, y, z, xx, xy, xz, yy, yz, zz, xxx, ..., up to a whole degree.
+    """
+
+    centre: Triple
+    size: float
+    coefficients: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        mistakes = [*outside(self, size=(1e-6, 1e6)), *not_finite(self, "centre", "coefficients")]
+        if len(self.coefficients) not in (of_degree := [math.comb(degree + 3, 3) for degree in range(9)]):
+            text = f"there are {len(self.coefficients)} 'coefficients'. Polynomials have {', '.join(map(str, of_degree))}."
+            mistakes.append(Mistake(("coefficients",), text))
+        raise_any(mistakes)
+
+    def coordinates(self, X: Matrix) -> Matrix:
+        """Return the coordinates of places [m], shape (n, 3)."""
+        return np.asarray(2.0 * (X - np.array(self.centre)) / self.size)
+
+    def deviation(self, X: Matrix) -> Vector:
+        """Return the deviation at places of the drawing [m], shape (n,)."""
+        degree = next(d for d in range(9) if math.comb(d + 3, 3) == len(self.coefficients))
+        return np.asarray(monomials(self.coordinates(X), degree) @ np.array(self.coefficients))
+
+
+def monomials(x: Matrix, degree: int) -> Matrix:
+    """Return all products of up to so many coordinates, shape (n, 3), shape (n, products)."""
+    ways = [way for d in range(degree + 1) for way in combinations_with_replacement(range(3), d)]
+    return np.column_stack([np.prod(x[:, list(way)], axis=1) for way in ways])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class KnownNumbers:
     """What healthy records told of the membrane, as ``gossamer calibrate`` writes it.
 
     Attributes
     ----------
     names : tuple of str, length k
-        Numbers that were fitted, see ``twin.nuisances``, and gains of all sensors or of none.
+        Numbers that were fitted, see ``twin.nuisances``, and gains and places of all sensors or of none.
     covariance : tuple of tuple of float, shape (k, k)
-        Of the logarithms of numbers, and of gains.
+        Of the logarithms of numbers, of gains, and of places [m].
     parameters : mapping of str to float
         Parameters of the model that have these values.
     gains : tuple of float
         Readings over right readings of the sensors [1].
+    places : tuple of tuple of float
+        How far the sensors are off their points, along their directions and across [m]; none if there they are.
     drawing : str
         Digest of the drawing that it is of.
     """
@@ -296,6 +342,7 @@ class KnownNumbers:
     parameters: Mapping[str, float] = field(hash=False)
     drawing: str
     gains: tuple[float, ...] = ()
+    places: tuple[Place, ...] = ()
 
     def __post_init__(self) -> None:
         k = len(self.names)
@@ -312,8 +359,8 @@ class KnownNumbers:
 
     @property
     def of_structure(self) -> "KnownNumbers":
-        """The same without gains: of what simulates the structure, whose readings have none."""
-        at = [k for k, name in enumerate(self.names) if not name.startswith("gain[")]
+        """The same without gains, and with known places: of what simulates the structure, as its readings are."""
+        at = [k for k, name in enumerate(self.names) if not name.startswith(("gain[", "place_"))]
         covariance = tuple(tuple(self.covariance[i][k] for k in at) for i in at)
         return replace(self, names=tuple(self.names[k] for k in at), covariance=covariance, gains=())
 
@@ -356,9 +403,12 @@ class Setup:
         Some of ``SCALABLE``: numbers of the setup that a parameter ``<name>_factor`` of the model multiplies, in all
         regions or along all edges.
     priors : mapping of str to float
-        How far numbers of the setup may be off, one standard deviation as a share [1], by the names that a calibration has.
+        How far numbers of the setup may be off, one standard deviation as a share [1], by the names that a calibration has;
+        ``place`` of the sensors in metres.
     calibration : KnownNumbers or None
         See there; the model starts with its values.
+    built : Built or None
+        See there; it moves the nodes of the mesh file.
 
     Raises
     ------
@@ -389,6 +439,7 @@ class Setup:
     faults: tuple[Fault, ...] = ()
     priors: Mapping[str, float] = field(default_factory=dict, hash=False)
     calibration: KnownNumbers | None = None
+    built: Built | None = None
 
     def __post_init__(self) -> None:
         raise_any([*self._mistakes()])

@@ -20,7 +20,7 @@ from ..mistakes import DescriptionError, Mistake, raise_any
 from ..variables import Variable
 from .boundary import edge_force, free_displacements, leaking, loose, members_of, springs, unit_force, ways
 from .element import Element
-from .gauges import Gauge, gauge, place_matrix
+from .gauges import Gauge, moved_gauge, place_matrix
 from .geometry import Geometry, geometry, stiffest, values
 from .interface import mesh_variables
 from .setup import MAX_ORDER, MOST_REFINED, Setup
@@ -30,6 +30,7 @@ from .zones import Zone, divide
 _FLAT = 1e-9  # share of its mean, or of the size cubed, below which an element has no area, a surface no volume
 _EDGE = 0.2  # squared sine of a tilt [1] from which on the surface has an edge
 _CHORDS = 0.01  # of which more is remarked on
+_SHIFTED = 1.5  # times the deviation of the built shape at a sensor, by which it may be away beside
 _FAR = 1e-3  # how far a sensor may be from the surface, shares of its size
 
 
@@ -324,7 +325,7 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
         unit_forces={
             load.name: unit_force(load, mesh, measured) for load in setup.loads if load.kind in ("force", "dead_pressure")
         },
-        gauges=tuple(_gauges(setup, mesh)),
+        gauges=tuple(_gauges(setup, mesh, normals)),
     )
 
 
@@ -381,15 +382,19 @@ def _measured(setup: Setup, mesh: SurfaceMesh, which: int, region: Integers) -> 
     return found
 
 
-def _gauges(setup: Setup, mesh: SurfaceMesh) -> Iterator[Gauge]:
-    mistakes = []
+def _gauges(setup: Setup, mesh: SurfaceMesh, normals: Vector) -> Iterator[Gauge]:
+    mistakes, moves = [], setup.calibration.places if setup.calibration else ()
+    if 0 < len(setup.sensors) < len(moves):
+        text = f"there are places of {len(moves)} sensors, and the setup has {len(setup.sensors)}. Calibrate again."
+        raise_any([Mistake(("calibration", "places"), text)])
     for i, sensor in enumerate(setup.sensors):
         try:
-            found = gauge(mesh, np.array(sensor.point), np.array(sensor.direction), sensor.gauge_length)
+            found = moved_gauge(mesh, normals, sensor, *moves[i : i + 1])
         except DataError as error:
             mistakes.append(Mistake(("sensors", i, "direction"), f"sensor {i + 1}: {error}"))
             continue
-        if found.away > _FAR * mesh.size:
+        shifted = abs(setup.built.deviation(np.array([sensor.point]))[0]) if setup.built else 0.0  # from the drawn surface
+        if found.away > _FAR * mesh.size + _SHIFTED * shifted:
             what = "its gauge reaches beyond an edge" if sensor.gauge_length else "it is away from the surface"
             text = f"sensor {i + 1} at {list(sensor.point)} m: {what} by {found.away:.3g} m. Move it onto the membrane."
             mistakes.append(Mistake(("sensors", i, "point"), text))

@@ -9,7 +9,7 @@ from .history import InspectionHistory
 from .inspecting import Earlier, inspect
 from .mesh_error import MeshErrors
 from .nuisances import Loads, LoadTable, Nuisances
-from .reading import make_record, read_arriving, read_loads, read_table
+from .reading import make_record, read_arriving, read_loads, read_survey, read_table
 from .recalibration import Recalibrated, recalibrate
 from .record import ResponseRecord, StaticRecord
 from .twin import Twin
@@ -40,6 +40,7 @@ __all__ = [
     "make_record",
     "read_arriving",
     "read_loads",
+    "read_survey",
     "read_table",
     "recalibrate",
 ]

@@ -24,12 +24,13 @@ from .calibration import Calibration, drawing_of, with_factors
 from .joint import JointProblem
 from .least_squares import Minimum, Point, descend
 from .mesh_error import MeshErrors
-from .nuisances import BEYOND, GAIN, GAINS, NUMBERS, SCALES, number_of, scaled_by
+from .nuisances import BEYOND, GAIN, GAINS, LASTING, NUMBERS, PLACES, SCALES, number_of, scaled_by
 from .oddities import chi2_bound
 from .record import ResponseRecord
 from .twin import Twin
 
 PRIORS = {name: SCALES[name][1] for name in NUMBERS} | {"modulus": 0.05, GAINS: GAIN}  # deviations of logarithms, of gains
+PLACE, MISPLACED, MOST_MISPLACED = "place", 0.002, 0.05  # of sensors: deviation by default, and at most, shares of the size
 ROUNDS = 3  # of simulations on a finer mesh
 UNTOLD = 0.5  # of the prior's variance: a combination of numbers with more left is not decided
 NAMED = 0.3  # share of such a combination that is named
@@ -59,8 +60,9 @@ def calibrate(
     parameters : mapping of str to float
         Parameters of the membrane that differ from its start values.
     priors : mapping of str to float
-        How far numbers may be off [1], one standard deviation, by their names in ``PRIORS``; 0 for what is known. Of the
-        others that the structure has, what its setup says, else the deviations there.
+        How far numbers may be off [1], one standard deviation, by their names in ``PRIORS``, and ``place`` for how far
+        gauges may be from their points along their directions, and across [m]; 0 for what is known. Of the others that the
+        structure has, what its setup says, else the deviations there, and 0.2 % of the size for places.
     sensor, sensor_parameters
         As of ``Twin``, for records of resistance.
     mesh_error : bool
@@ -81,8 +83,10 @@ def calibrate(
 
     Notes
     -----
-    Bounded least squares without damage: what is a number of the structure or a gain of a gauge is shared; load, clock and
-    offsets are those of each record. Whether a record is healthy is tested by Rao's score of damage in each zone, beside all
+    Bounded least squares without damage: what is a number of the structure, or gain or place of a gauge, is shared; load,
+    clock and offsets are those of each record. Places are found of records of strain, not of the square, whose error of the
+    mesh is known at its sensors alone; what they change is linear, with slopes that are simulated again at what is found.
+    Whether a record is healthy is tested by Rao's score of damage in each zone, beside all
     that was fitted.
     """
     require(records, "a calibration needs a healthy record or more.", DataError)
@@ -90,8 +94,15 @@ def calibrate(
     require(structure.setup.calibration is None, "the setup is calibrated. Begin with the drawing.", ParameterError)
     structure = with_factors(structure, structure.setup.scalable)
     given = {**structure.setup.priors, **(priors or {})}
-    if unknown := [name for name in given if name not in PRIORS]:
-        msg = f"there is no number {unknown[0]!r} to calibrate. Choose from {', '.join(PRIORS)}."
+    if unknown := [name for name in given if name not in (*PRIORS, PLACE)]:
+        msg = f"there is no number {unknown[0]!r} to calibrate. Choose from {', '.join((*PRIORS, PLACE))}."
+        raise ParameterError(msg)
+    place = given.pop(PLACE, 0.0 if structure.starts_in_plane else MISPLACED * structure.mesh.size)
+    if not 0.0 <= place <= (most := MOST_MISPLACED * structure.mesh.size):
+        msg = f"the prior of {PLACE!r} is {place:g} m. Write a standard deviation up to {most:.3g} m, 0.002 for 2 mm."
+        raise ParameterError(msg)
+    if place and structure.starts_in_plane:
+        msg = f"on the square places are not calibrated: its mesh error is known at its own sensors. Leave {PLACE!r} out."
         raise ParameterError(msg)
     if bad := [name for name, value in given.items() if not 0.0 <= value <= 2.0]:
         msg = f"the prior of {bad[0]!r} is {given[bad[0]]:g}. Write a standard deviation as a share, 0.05 for 5 %."
@@ -108,11 +119,14 @@ def calibrate(
     names = tuple(
         part for name in numbers if given.get(name, 1.0) > 0.0 and there.has(name) for part in _parts(name, structure)
     )
+    if place and records[0].kind == "strain":
+        names += tuple(part for name in PLACES for part in _parts(name, structure))
     require(names, "all numbers of the structure are known: nothing is left to calibrate.", ParameterError)
-    prior = np.array([given.get(number_of(name), PRIORS[number_of(name)]) for name in names])
+    priors = {**PRIORS, **given, **dict.fromkeys(PLACES, place)}
+    prior = np.array([priors[number_of(name)] for name in names])
     before = Calibration(
         names=names,
-        factors=np.ones(len(names)),
+        factors=np.array([number_of(name) not in PLACES for name in names], dtype=float),
         covariance=np.diag(prior**2),
         prior=prior,
         parameters={},
@@ -131,6 +145,9 @@ def calibrate(
         joint = JointProblem(problems, names)
         healthy = np.arange(joint.size) >= joint.zones
         found = descend(joint, np.zeros(joint.size), healthy)
+        if PLACES[0] in map(number_of, names):
+            joint = joint.placed(found.point.x, twin.placed)
+            found = descend(joint, found.point.x, healthy)
         for k in range(ROUNDS):
             report(f"fitting, finer mesh {k + 1} of {ROUNDS}")
             finer = joint.corrected(found.point.x, healthy, twin.finer)
@@ -159,7 +176,7 @@ def _told(
         for k, (chi2, bound) in enumerate(zip(per_sample, bounds, strict=True), 1)
         if chi2 > bound
     ]
-    gains = np.array([number_of(name) == GAINS for name in names])
+    kinds = np.array([number_of(name) for name in names])
     far = [name for name, at in zip(names, x, strict=True) if abs(at) > NEAR_BOUND * BEYOND]
     bound = f"runs into its bound, {BEYOND:g} deviations of its prior from the setup. Check the setup, or widen the prior"
     doubts += [f"the {name} {bound}" for name in far]
@@ -167,12 +184,12 @@ def _told(
     known = {
         p: twin.numbers[p] * math.exp(log)
         for name, log in zip(names, logs, strict=True)
-        if number_of(name) != GAINS
+        if number_of(name) in SCALES
         for p in scaled_by(name, twin.numbers)
     }
     return replace(
         before,
-        factors=np.where(gains, 1.0 + logs, np.exp(logs)),
+        factors=np.where(np.isin(kinds, LASTING), (kinds == GAINS) + logs, np.exp(logs)),
         covariance=covariance,
         parameters=known,
         chi2_per_sample=tuple(map(float, per_sample)),
@@ -185,13 +202,17 @@ def _told(
 def _parts(name: str, structure: Structure) -> list[str]:
     """Return a number of a structure, or one for each sensor, region or support where it has several."""
     setup = structure.setup
-    several = {"modulus": len(setup.regions), "support": len(setup.springs), GAINS: structure.n_sensors}.get(name, 1)
-    return [name] if several < 2 and name != GAINS else [f"{name}[{k}]" for k in range(1, several + 1)]
+    several = {"modulus": len(setup.regions), "support": len(setup.springs), **dict.fromkeys(LASTING, structure.n_sensors)}
+    parts = several.get(name, 1)
+    return [name] if parts < 2 and name not in LASTING else [f"{name}[{k}]" for k in range(1, parts + 1)]
 
 
 def _combinations(names: Sequence[str], C: Matrix) -> list[str]:
-    """Say which combinations of numbers are not decided, from their covariance in units of the priors."""
-    variance, modes = np.linalg.eigh(C)
+    """Say which combinations of numbers, and which places, are not decided, from their covariance in units of the priors."""
+    places = np.array([number_of(name) in PLACES for name in names])
+    vague = [name for name, place in zip(names, places & (np.diag(C) > UNTOLD), strict=True) if place]
+    names = [name for name, place in zip(names, places, strict=True) if not place]
+    variance, modes = np.linalg.eigh(C[np.ix_(~places, ~places)])
     said = []
     for left, mode in zip(variance.tolist(), modes.T, strict=True):
         if left < UNTOLD:
@@ -204,6 +225,10 @@ def _combinations(names: Sequence[str], C: Matrix) -> list[str]:
         ]
         what = f"{' and '.join(parts)} together" if len(parts) > 1 else parts[0].rpartition(" ")[0]
         said.append(f"the records do not decide {what}: {100.0 * math.sqrt(left):.0f} % of the prior's deviation is left")
+    for kind, way in zip(PLACES, ("along", "across"), strict=True):
+        if at := [name.removeprefix(f"{kind}[")[:-1] for name in vague if number_of(name) == kind]:
+            which = f"sensor {at[0]} is" if len(at) == 1 else f"sensors {', '.join(at)} are"
+            said.append(f"the records hardly tell how far {which} off {way} the direction")
     return said
 
 

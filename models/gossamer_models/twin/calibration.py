@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from ..arrays import Matrix, Vector
 from ..errors import DataError, ParameterError, require
 from ..membrane import Structure, make_structure, square_structure
+from ..membrane.gauges import moved_gauge
 from ..membrane.setup import KnownNumbers
 from .forward import Forward
-from .nuisances import GAINS, Spread, number_of
+from .nuisances import LASTING, Spread, number_of
 
 SCHEMA, VERSION = "gossamer.calibration", 1
 ROWS = ("names", "chi2_per_sample", "chi2_bound", "doubts", "untold")
@@ -31,11 +32,11 @@ class Calibration:
     Attributes
     ----------
     names : tuple of str
-        What was fitted, of ``SCALES``, and gains of the sensors.
+        What was fitted, of ``SCALES``, and gains and places of the sensors.
     factors : ndarray, shape (s,)
-        Value of each over that of the setup, and gains [1].
+        Value of each over that of the setup, gains [1], and how far sensors are off their points [m].
     covariance : ndarray, shape (s, s)
-        Of the logarithms of factors, and of gains.
+        Of the logarithms of factors, of gains, and of places.
     prior : ndarray, shape (s,)
         Deviations of these beforehand.
     parameters : dict of str to float
@@ -68,8 +69,8 @@ class Calibration:
 
     @property
     def deviation(self) -> Vector:
-        """Standard deviation of each factor [1], shape (s,)."""
-        return np.asarray(np.where(_are_gains(self.names), 1.0, self.factors) * np.sqrt(np.diag(self.covariance)))
+        """Standard deviation of each factor [1], and place [m], shape (s,)."""
+        return np.asarray(np.where(_are(LASTING, self.names), 1.0, self.factors) * np.sqrt(np.diag(self.covariance)))
 
     @property
     def spread(self) -> Spread:
@@ -78,8 +79,8 @@ class Calibration:
 
     @property
     def of_structure(self) -> Calibration:
-        """The same without gains, of what simulates the structure."""
-        at = np.flatnonzero(~_are_gains(self.names))
+        """The same without gains and places, of what simulates the structure."""
+        at = np.flatnonzero(~_are(LASTING, self.names))
         return replace(
             self,
             names=tuple(self.names[k] for k in at),
@@ -92,9 +93,14 @@ class Calibration:
     def known(self) -> KnownNumbers:
         """What a setup carries of it."""
         covariance = tuple(map(tuple, self.covariance.tolist()))
-        gains = tuple(self.factors[_are_gains(self.names)].tolist())
+        gains, *places = (tuple(self.factors[_are((kind,), self.names)].tolist()) for kind in LASTING)
         return KnownNumbers(
-            names=self.names, covariance=covariance, parameters=self.parameters, gains=gains, drawing=self.drawing
+            names=self.names,
+            covariance=covariance,
+            parameters=self.parameters,
+            gains=gains,
+            places=tuple(zip(*places, strict=True)),
+            drawing=self.drawing,
         )
 
     def applied(
@@ -112,8 +118,15 @@ class Calibration:
             raise ParameterError(msg)
         require(self.valid, f"the calibration is not valid: {'; '.join(self.doubts)}. Calibrate again.")
         structure = structure or square_structure()
-        _check_drawing(self.known, structure)
-        return with_factors(structure, self.names), {**self.parameters, **(parameters or {})}
+        known = self.known
+        _check_drawing(known, structure)
+        structure = with_factors(structure, self.names)
+        if known.places:
+            setup, mesh = replace(structure.setup, calibration=known), structure.mesh
+            moves = zip(setup.sensors, known.places, strict=True)
+            gauges = tuple(moved_gauge(mesh, structure.normals, sensor, move) for sensor, move in moves)
+            structure = replace(structure, setup=setup, gauges=gauges)
+        return structure, {**self.parameters, **(parameters or {})}
 
     def as_json(self) -> dict[str, Any]:
         """Return it as a document."""
@@ -162,15 +175,16 @@ def _spread(known: KnownNumbers) -> Spread:
     return Spread(known.names, np.array(known.covariance), known.gains)
 
 
-def _are_gains(names: Sequence[str]) -> NDArray[np.bool_]:
-    return np.array([number_of(name) == GAINS for name in names], dtype=bool)
+def _are(kinds: Sequence[str], names: Sequence[str]) -> NDArray[np.bool_]:
+    return np.array([number_of(name) in kinds for name in names], dtype=bool)
 
 
 def _check_drawing(known: KnownNumbers, structure: Structure) -> None:
     text = "the calibration is of a structure that was drawn otherwise, in its material, supports, edges or gas"
     require(known.drawing in ("", drawing_of(structure)), f"{text}. Calibrate this one.")
-    sensors = f"the calibration has gains of {len(known.gains)} sensors, and the structure has {structure.n_sensors}"
-    require(len(known.gains) in (0, structure.n_sensors), f"{sensors}. Calibrate this one.")
+    for what, each in (("gains", known.gains), ("places", known.places)):
+        text = f"the calibration has {what} of {len(each)} sensors, and the structure has {structure.n_sensors}"
+        require(len(each) in (0, structure.n_sensors), f"{text}. Calibrate this one.")
 
 
 def drawing_of(structure: Structure) -> str:

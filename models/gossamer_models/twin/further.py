@@ -16,7 +16,7 @@ from ..errors import ConvergenceError
 from ..membrane.candidates import candidates
 from .forward import MembraneForward
 from .least_squares import neighbours, require_finite
-from .nuisances import GAINS, NUMBERS, Loads, number_of
+from .nuisances import LASTING, NUMBERS, Loads, number_of
 from .problem import RecordProblem
 from .record import StaticRecord
 from .search import Fit
@@ -60,7 +60,7 @@ def _records(fit: Fit, a: Vector, b: Vector, free: Rows) -> Iterator[tuple[str, 
     """Give what other records would tell, by what they are."""
     problem: RecordProblem = fit.problem
     own = np.zeros(problem.size, dtype=bool)
-    own[problem.zones :] = [number_of(name) not in (*NUMBERS, GAINS) for name in problem.nuisances.names]
+    own[problem.zones :] = [number_of(name) not in (*NUMBERS, *LASTING) for name in problem.nuisances.names]
     A = _known(fit.model.A, free, own)
     for what, loads in _loads(problem):
         other = problem.under_loads(loads)

@@ -24,7 +24,7 @@ from .forward import Forward
 from .groups import groups_of
 from .joint import Before, JointProblem
 from .least_squares import Quadratic, bounded_minimum
-from .nuisances import NUMBERS, number_of
+from .nuisances import LASTING, NUMBERS, number_of
 from .oddities import chi2_bound
 from .problem import RecordProblem
 from .record import ResponseRecord
@@ -33,7 +33,7 @@ from .twin import Alone, Twin
 from .zone_sets import drop_zones
 
 HEALED = 4.0  # deviations by which a zone that a record finds less damaged than the last inspection is named
-OF_ALL = (*NUMBERS, "gain")  # nuisances that are the same in all records
+OF_ALL = (*NUMBERS, *LASTING)  # nuisances that are the same in all records
 ROUNDS = 4  # of a finer mesh
 UNSEEN = 1e-9  # of curvature: of what no record tells
 

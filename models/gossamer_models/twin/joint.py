@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..arrays import Matrix, Rows, Vector
 from .forward import Forward
 from .least_squares import LeastSquares, Point
-from .nuisances import BEYOND, GAINS, MODULUS, SCALES, number_of, root_of
+from .nuisances import BEYOND, LASTING, MODULUS, SCALES, number_of, root_of
 from .problem import RecordProblem
 from .sensor_error import SensorError
 from .zone_sets import ODDS
@@ -113,7 +113,7 @@ class JointProblem(LeastSquares):
 
     def _mix(self, problem: RecordProblem, places: dict[str, int], matrix: Matrix) -> None:
         """Write how the factors of a record follow from those of all, where these are known together and it lacks some."""
-        order = (*SCALES, GAINS)  # of ``root_of`` in every record
+        order = (*SCALES, *LASTING)  # of ``root_of`` in every record
         there = sorted((name for name in places if number_of(name) in order), key=lambda name: order.index(number_of(name)))
         own = [name for name in problem.nuisances.names if name in there]
         if own == there or problem.nuisances.spread is None:
@@ -175,6 +175,11 @@ class JointProblem(LeastSquares):
     def chi2_of_records(self, point: Point) -> list[float]:
         """Return chi2 of each record."""
         return [float(point.r[values] @ point.r[values]) for _, values, _ in self.parts]
+
+    def placed(self, x: Vector, places: Callable[[RecordProblem, Vector], RecordProblem]) -> JointProblem:
+        """Return the same with what places of sensors change at unknowns, as a function gives it for each record."""
+        found = [places(problem, self.rows(k, x[None])[0]) for k, problem in enumerate(self.problems)]
+        return JointProblem(found, self.shared, self.groups, self.before)
 
     def corrected(
         self, x: Vector, moving: Rows, finer: Callable[[RecordProblem], tuple[Forward, Matrix] | None]

@@ -47,14 +47,18 @@ CLOCK, SPARE = 5.0, 16  # samples by which a record is late, and that are simula
 MODULUS = "modulus"
 SENSOR = "sensor"  # the error of sensors that are off their identified model, offset and gain within it
 GAINS = "gain"
+PLACES = ("place_along", "place_across")  # [m] of each sensor, from its point along its direction and across, if calibrated
+LASTING = (GAINS, *PLACES)  # of sensors, the same in all records
 OF_SENSOR = ("offset", GAINS)
 BY_DEFAULT = ("clock", *OF_SENSOR, *FACTORS, SENSOR)
-NAMES = (*BY_DEFAULT, "phase", *STRUCTURAL)  # at which a load sets in is known by default
+NAMES = (*BY_DEFAULT, "phase", *STRUCTURAL, *PLACES)  # at which a load sets in is known by default
 OF_MOTION = ("clock", "frequency", "damping", "density")
 FAR = 2.0  # deviations of its prior by which a nuisance is said to be off
 WORDS = {
     "offset": "sensor {at} reads {value:+.2g} more",
     "gain": "sensor {at} has a gain of {value:.3g}",
+    "place_along": "sensor {at} is {value:+.2g} mm off along its direction",
+    "place_across": "sensor {at} is {value:+.2g} mm off across its direction",
     "clock": "the record is {value:.2g} samples late",
     "phase": "the load has a phase that is {value:+.2g} rad off",
     "amplitude": "the load is {value:.3g} times as large",
@@ -141,9 +145,9 @@ class Spread:
     Attributes
     ----------
     names : tuple of str
-        Some of ``SCALES``, and gains of all sensors or of none, ``gain[1]``, ....
+        Some of ``SCALES``, and gains and places of all sensors or of none, ``gain[1]``, ....
     covariance : ndarray, shape (k, k)
-        Of the logarithms of the factors, and of the gains.
+        Of the logarithms of the factors, of the gains, and of the places [m].
     gains : tuple of float
         These gains [1].
     """
@@ -154,8 +158,8 @@ class Spread:
 
     @property
     def of_structure(self) -> Spread:
-        """The same without the gains."""
-        at = [k for k, name in enumerate(self.names) if number_of(name) != GAINS]
+        """The same without gains and places."""
+        at = [k for k, name in enumerate(self.names) if number_of(name) not in LASTING]
         return Spread(tuple(self.names[k] for k in at), self.covariance[np.ix_(at, at)])
 
     def root(self, names: Sequence[str]) -> Matrix:
@@ -177,13 +181,15 @@ class Nuisances:
     inputs : mapping of str to float
         Inputs of the model with their values at the start.
     sensors : int
-        How many have an offset and a gain of their own.
+        How many have an offset, a gain and a place of their own.
     loads : Loads
         What is known of the loads.
     length, period : float
         Time that an unknown load lasts, and the first period, of which the knots of its spline are ``KNOTS`` apart [s].
     spread : Spread or None
         How well some factors are known, in place of the deviations of ``SCALES``.
+    slopes : ndarray, shape (2, sensors, n or more), or None
+        How the strain changes along each sensor's direction, and across [1/m]; needed where places are nuisances.
 
     Raises
     ------
@@ -199,6 +205,7 @@ class Nuisances:
     length: float = 0.0
     period: float = math.inf
     spread: Spread | None = None
+    slopes: Matrix | None = None
 
     def __post_init__(self) -> None:
         check_names(self.kinds, self.inputs)
@@ -239,7 +246,7 @@ class Nuisances:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of all, in order."""
-        each = (kind for kind in ("offset", "gain") if kind in self.kinds)
+        each = (kind for kind in ("offset", *LASTING) if kind in self.kinds)
         late = ("clock",) if "clock" in self.kinds else ()
         return (*self.simulated, *late, *(f"{kind}[{k + 1}]" for kind in each for k in range(self.sensors)))
 
@@ -268,23 +275,26 @@ class Nuisances:
 
     @cached_property
     def _root(self) -> tuple[tuple[str, ...], Matrix]:
-        """Factors, which come first, and gains among the nuisances, and their ``root_of``."""
-        names = tuple(name for name in self.names if number_of(name) in (*SCALES, GAINS))
+        """Factors, which come first, gains and places among the nuisances, and their ``root_of``."""
+        names = tuple(name for name in self.names if number_of(name) in (*SCALES, *LASTING))
         return names, root_of(names, self.spread)
 
     def _of_root(self, z: Matrix) -> Matrix:
-        """Return the columns of factors and gains of rows of z, shape (m, n)."""
-        f, last = sum(number_of(name) in SCALES for name in self._root[0]), self.sensors * (GAINS in self.kinds)
+        """Return the columns of factors, gains and places of rows of z, shape (m, n)."""
+        f = sum(number_of(name) in SCALES for name in self._root[0])
+        last = len(self._root[0]) - f
         return np.hstack([z[:, :f], z[:, z.shape[1] - last :]])
+
+    def _lasting(self, kind: str, z: Matrix) -> Matrix:
+        """Return gains above those known, or places of one of ``PLACES`` [m], of rows of z, shape (m, sensors)."""
+        names, root = self._root
+        rows = [name.partition("[")[0] == kind for name in names]
+        return np.asarray(self._of_root(z) @ root[rows].T) if any(rows) else np.zeros((len(z), self.sensors))
 
     def _gains(self, z: Matrix) -> Matrix:
         """Return the gains above 1 of rows of z, shape (m, sensors)."""
-        known = (
-            np.array(self.spread.gains) - 1.0 if self.spread is not None and self.spread.gains else np.zeros(self.sensors)
-        )
-        if GAINS not in self.kinds:
-            return np.tile(known, (len(z), 1))
-        return np.asarray(known + self._of_root(z) @ self._root[1][-self.sensors :].T)
+        known = np.array(self.spread.gains) - 1.0 if self.spread is not None and self.spread.gains else 0.0
+        return np.asarray(known + self._lasting(GAINS, z))
 
     def histories(self, z: Matrix, time: Vector) -> dict[str, Matrix]:
         """Return the loads at the given times [s], shape (n,), or (m, n) where they depend on nuisances.
@@ -304,7 +314,7 @@ class Nuisances:
         return found
 
     def read(self, y: Matrix, zero: Matrix, scale: Matrix, z: Matrix) -> Matrix:
-        """Return what sensors with delay, gain and offset read, shape (m, sensors, n).
+        """Return what sensors with place, delay, gain and offset read, shape (m, sensors, n).
 
         Parameters
         ----------
@@ -316,6 +326,8 @@ class Nuisances:
             Nuisances.
         """
         at = len(self.simulated)
+        for kind, slope in zip(PLACES, () if self.slopes is None else self.slopes, strict=False):
+            y = y + self._lasting(kind, z)[:, :, None] * slope[:, : y.shape[2]]
         if "clock" in self.kinds:
             rows = zip(np.broadcast_to(y, (len(z), *y.shape[1:])), CLOCK * z[:, at], strict=True)
             y = np.stack([shift(row, (0.0, late), mode="nearest") if late else row for row, late in rows])
@@ -328,13 +340,11 @@ class Nuisances:
     def values(self, z: Vector, deviation: Vector) -> dict[str, tuple[float, float]]:
         """Return value and deviation of each nuisance: factors for load, damping, modulus and gain; else in units."""
         names, root = self._root
-        gains, factors = (
-            np.array([number_of(name) == GAINS for name in names], dtype=bool),
-            np.exp(root @ self._of_root(z[None])[0]),
-        )
-        if gains.any():
-            factors[gains] = 1.0 + self._gains(z[None])[0]
-        spread = np.where(gains, 1.0, factors) * np.sqrt(root**2 @ self._of_root(deviation[None])[0] ** 2)
+        kinds, logs = np.array([number_of(name) for name in names], dtype=object), root @ self._of_root(z[None])[0]
+        factors = np.where(np.isin(kinds, PLACES), logs, np.exp(logs))
+        if GAINS in kinds:
+            factors[kinds == GAINS] = 1.0 + self._gains(z[None])[0]
+        spread = np.where(np.isin(kinds, LASTING), 1.0, factors) * np.sqrt(root**2 @ self._of_root(deviation[None])[0] ** 2)
         found = dict(zip(names, zip(factors.tolist(), spread.tolist(), strict=True), strict=True))
         for name, at, sigma in zip(self.names, z.tolist(), deviation.tolist(), strict=True):
             kind = name.partition("[")[0]
@@ -351,10 +361,11 @@ class Nuisances:
 
     def told(self, names: Iterable[str], z: Vector) -> list[str]:
         """Say what some nuisances are."""
-        values = self.values(z, np.zeros(z.size))
+        values, factor = self.values(z, np.zeros(z.size)), dict.fromkeys(PLACES, 1e3)  # in mm
         split = [(name, *name.removesuffix("]").partition("[")) for name in names]
         return [
-            WORDS[kind].format(at=at, value=values[name][0]) + f" ({name})" * (bool(at) and number_of(name) in SCALES)
+            WORDS[kind].format(at=at, value=factor.get(kind, 1.0) * values[name][0])
+            + f" ({name})" * (bool(at) and number_of(name) in SCALES)
             for name, kind, _, at in split
             if kind in WORDS
         ]
@@ -378,8 +389,11 @@ class Nuisances:
 
 
 def root_of(names: Sequence[str], spread: Spread | None) -> Matrix:
-    """Return what turns factors and gains in units of their priors into logarithms, and gains above 1, shape (n, n)."""
-    root = np.diag([GAIN if number_of(name) == GAINS else SCALES[number_of(name)][1] for name in names])
+    """Return what turns factors, gains and places in units of their priors into logarithms, gains above 1, and metres.
+
+    Shape (n, n); how far off places may be, a spread alone tells.
+    """
+    root = np.diag([SCALES[number_of(name)][1] if number_of(name) in SCALES else GAIN for name in names])
     if spread is not None:
         known = [name for name in names if name in spread.names]
         at = [names.index(name) for name in known]

@@ -147,6 +147,10 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         """Return the problem of a record under other loads, of the same length and noise."""
         return self._with(nuisances=replace(self.nuisances, loads=loads), added=None, _known={})
 
+    def placed(self, slopes: Matrix) -> RecordProblem:
+        """Return the problem with what places of sensors change, shape (2, s, n or more), see ``Nuisances``."""
+        return self._with(nuisances=replace(self.nuisances, slopes=slopes))
+
     def averaged(self, other: RecordProblem) -> RecordProblem:
         """Return the problem with the mean of what a finer mesh adds by the unknowns of another one about the same point."""
         if self.added is None or other.added is None:
@@ -291,7 +295,8 @@ class RecordProblem(DamageUnknowns, LeastSquares):
     def felt(self, point: Point) -> Matrix:
         """Return the strain [1] of the sensors at a point, shape (s, n), as late as the record is."""
         z = self.z(point.x[None])
-        exact = replace(self.nuisances, kinds=tuple(kind for kind in self.nuisances.kinds if kind == "clock"), spread=None)
+        kinds = tuple(kind for kind in self.nuisances.kinds if kind == "clock")
+        exact = replace(self.nuisances, kinds=kinds, spread=None, slopes=None)
         late = z[:, [name == "clock" for name in self.nuisances.names]]
         strain = point.predicted[None] if self.record.kind == "strain" else self._simulated(point.x[None])[0]
         strain = exact.read(strain, self._zero, self._scale, late)

@@ -172,6 +172,33 @@ def read_loads(path: Path, structure: Structure) -> LoadTable:
     return LoadTable(values=loads, time=tuple((time - time[0]).tolist()))
 
 
+def read_survey(path: Path) -> Matrix:
+    """Read measured points of a surface from a CSV file with columns x, y and z, whose units stand after their names.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        Points [m].
+
+    Raises
+    ------
+    DataError
+        The file cannot be read, or lacks a column, a unit or a number.
+    """
+    units = dict.fromkeys("xyz", "m")
+
+    def choose(header: list[str], line: int) -> list[Column]:
+        places = {_load(cell).strip().lower(): k for k, cell in enumerate(header)}
+        if lost := [axis for axis in units if axis not in places]:
+            msg = f"{path}, line {line}: no column {lost[0]!r}. A survey has x [m], y [m] and z [m]; this has {listed(header)}."
+            raise DataError(msg)
+        return [_load_column(path, line, header[places[axis]].strip().lower(), places[axis], units) for axis in units]
+
+    measured = read_columns(path, choose, unreadable="refused")
+    rows = zip(measured.columns, measured.values, strict=True)
+    return np.column_stack([_in_units(measured, column, row, units, may_stop=False) for column, row in rows])
+
+
 def input_units(structure: Structure) -> dict[str, str]:
     """Return the units of the loads and motions that a membrane knows, by name."""
     return {v.name: v.unit for v in structure.table if v.causality == "input" and not v.name.startswith("damage[")}

@@ -13,11 +13,11 @@ import numpy as np
 
 from ..arrays import Matrix, Vector
 from ..errors import ParameterError
-from ..membrane import Structure, make_structure
+from ..membrane import make_structure
 from ..membrane.boundary import members_of
-from ..membrane.gauges import gauge
+from ..membrane.gauges import BESIDE, beside, moved_gauge
 from ..membrane.interface import mesh_variables
-from ..membrane.setup import Load, Sensor, Setup
+from ..membrane.setup import Load, Setup
 from ..membrane.structure import stretched_evenly
 from ..membrane.surface import refined
 from ..membrane.zones import Zone
@@ -35,7 +35,6 @@ from .zone_sets import LIKELY, NEAR, drop_zones, price
 PARTS = 4  # of a zone
 WAYS = np.array([[1.0, 1.0, -1.0, -1.0], [1.0, -1.0, 1.0, -1.0], [1.0, -1.0, -1.0, 1.0]])  # from the mean of a zone's damage
 STRIPS = 4  # of a tilted pressure, along each axis
-PLACE = 0.005  # of the size: by which sensors are moved for a difference
 STEP = 1e-3  # of damage and of pressure for a difference
 KNOT = 1.0 / 300.0  # [s] between knots of a pressure that flickers
 CERTAIN = 9.0  # of twice the logarithm of the evidence: what a cause must explain
@@ -108,12 +107,11 @@ class Parted:
             groups |= {name: np.flatnonzero(acts & (strip == k)) for k, name in enumerate(names)}
             loads += [Load(name=name, groups=(name,)) for name in names]
             self._strips.append(dict(zip(names, np.linspace(-1.0, 1.0, 2 * STRIPS + 1)[1::2].tolist(), strict=True)))
-        sensors = structure.setup.sensors
-        size = PLACE * mesh.size
-        moved = [self._moved(structure, sensor, size, way) for way in range(2) for sensor in sensors]
+        sensors, at_nodes = structure.setup.sensors, (structure.mesh, structure.normals)
+        moved = [beside(*at_nodes, sensor, BESIDE * mesh.size, way) for way in range(2) for sensor in sensors]
         zones = tuple(Zone(group=f"zone {k}", parts=PARTS) for k in range(structure.n_zones))
         setup = replace(structure.setup, order=order, zones=zones, sensors=(*sensors, *moved), refine=0)
-        setup = replace(setup, loads=(*setup.loads, *loads))
+        setup = replace(setup, loads=(*setup.loads, *loads), calibration=None)
 
         def table(setup: Setup, zones: tuple[str, ...], nodes: int) -> tuple[Variable, ...]:
             own = [v for v in structure.table if v.causality in ("parameter", "input") and not v.name.startswith("damage[")]
@@ -125,22 +123,11 @@ class Parted:
             return (*own, *more)
 
         found = make_structure(replace(setup, sensors=()), replace(mesh, faces=mesh.faces | groups))
-        gauges = tuple(
-            gauge(mesh, np.array(sensor.point), np.array(sensor.direction), sensor.gauge_length) for sensor in setup.sensors
-        )
+        gauges = tuple(moved_gauge(mesh, found.normals, sensor) for sensor in setup.sensors)
         found = replace(found, setup=setup, gauges=gauges, variables=table)
         if structure.starts_in_plane:
             found = stretched_evenly(found, structure.origin)
         self.forward = MembraneForward(found, {**forward.parameters, **forward.inputs})
-
-    @staticmethod
-    def _moved(structure: Structure, sensor: Sensor, by: float, way: int) -> Sensor:
-        """Return a sensor beside its place, along its direction or across it."""
-        node = int(np.argmin(np.linalg.norm(structure.mesh.nodes - np.array(sensor.point), axis=1)))
-        along = np.array(sensor.direction) / np.linalg.norm(sensor.direction)
-        step = along if way == 0 else np.cross(structure.normals[node], along)
-        point = np.array(sensor.point) + by * step / np.linalg.norm(step)
-        return replace(sensor, point=(float(point[0]), float(point[1]), float(point[2])))
 
     def look(self, fit: Fit, *, sparse: bool) -> tuple[Fit, list[str]]:
         """Return a fit that allows for what else explains its residuals, and sentences on that.
@@ -194,7 +181,7 @@ class Parted:
             histories[name] = load.get(name, given.get(name, self.forward.inputs[name])) + np.vstack(more)
         start = {name: np.full(len(rows), value) for name, value in given.items()}
         y = self.forward.strain(rows, start, histories, n, h)
-        change, beside = (y[1:, :s] - y[0, :s]) / STEP, (y[0, s:].reshape(2, s, 1, n) - y[0, :s, None]) / PLACE
+        change, beside = (y[1:, :s] - y[0, :s]) / STEP, (y[0, s:].reshape(2, s, 1, n) - y[0, :s, None]) / BESIDE
         own = np.repeat(np.maximum(damage, LEAST_PARTED), len(WAYS))
         found = {
             "partial": own[:, None, None] * change[: len(ways)],

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Literal, TypeAlias
 
@@ -35,6 +35,7 @@ from .nuisances import (
     NAMES,
     OF_MOTION,
     OF_SENSOR,
+    PLACES,
     SENSOR,
     Loads,
     Nuisances,
@@ -42,6 +43,7 @@ from .nuisances import (
     number_of,
     possible,
 )
+from .places import PlaceSlopes
 from .problem import RecordProblem
 from .reasons import likely_reason
 from .record import (
@@ -195,6 +197,7 @@ class Twin:
         if discrepancy == "learned" and not self._learned:
             self.discrepancy = None
         self._behind: Discrepancy | None = None
+        self._slopes: tuple[ResponseRecord | None, Matrix | None] = (None, None)
         if healthy is not None and (mesh_error is None or self.discrepancy is not None):
             msg = (
                 "a healthy record does not tell what damage does on a finer mesh, so it is taken from others only where the "
@@ -229,6 +232,20 @@ class Twin:
     def least_squares(self, record: ResponseRecord, report: Progress = lambda *_: None) -> RecordProblem:
         """Return the least squares of a record, of as much of it as is compared, see ``fit``."""
         return self._problem(self._usable(record)[0], report)
+
+    def placed(self, problem: RecordProblem, x: Vector) -> RecordProblem:
+        """Return a problem whose places of sensors change what they do at unknowns, where they are nuisances."""
+        slopes = self._slopes_at(problem.record, problem.nuisances, x)
+        return problem if slopes is None else problem.placed(slopes)
+
+    def _slopes_at(self, record: ResponseRecord, nuisances: Nuisances, x: Vector | None = None) -> Matrix | None:
+        if not {*PLACES} & {*nuisances.kinds} or self._place_slopes is None:
+            return None
+        return self._place_slopes.at(nuisances, record, x)
+
+    @cached_property
+    def _place_slopes(self) -> PlaceSlopes | None:
+        return PlaceSlopes(self._forward) if isinstance(self._forward, MembraneForward) else None
 
     def finer(self, problem: RecordProblem) -> tuple[Forward, Matrix] | None:
         """Return the membrane on a finer mesh, and components of the error that is left there; None if that is not known."""
@@ -406,6 +423,10 @@ class Twin:
         spread = self._spread.of_structure if self._spread is not None and record.kind == "resistance" else self._spread
         return Nuisances(kinds, *known, spread)
 
+    def _places_are_known(self, record: ResponseRecord) -> bool:
+        """Tell whether no place of a sensor is fitted: no calibration has told any, or sensors bend strain."""
+        return record.kind == "resistance" or self._spread is None or PLACES[0] not in map(number_of, self._spread.names)
+
     def _may_be_off(self, record: ResponseRecord) -> bool:
         """Tell whether the sensors of a record may be off their model."""
         return record.kind == "resistance" and (SENSOR in self.nuisances or SENSOR not in self.known)
@@ -415,6 +436,7 @@ class Twin:
         given = possible(self.numbers, Loads(record.start, record.inputs), self._spread)
         left_out = {*(OF_MOTION if isinstance(record, StaticRecord) else ())}
         left_out |= {*OF_SENSOR} if self._may_be_off(record) else {SENSOR}
+        left_out |= {*PLACES} if self._places_are_known(record) else set()
         if not wider:
             calibrated = () if self._spread is None else map(number_of, self._spread.names)
             left_out |= {*self.known} | ({*NAMES} - {*BY_DEFAULT, *calibrated})
@@ -509,10 +531,13 @@ class Twin:
     ) -> RecordProblem:
         """Make the problem of what is compared of a record, or of its first samples; wider: with all nuisances there are."""
         compared = record.first(self._compared(record))
+        nuisances = self._nuisances(self._kinds(compared, wider=wider), compared)
+        if self._slopes[0] is not record:  # those of all its problems
+            self._slopes = (record, self._slopes_at(compared, nuisances))
         return RecordProblem(
             self._sensed,
             compared if samples is None else compared.first(samples),
-            self._nuisances(self._kinds(compared, wider=wider), compared),
+            replace(nuisances, slopes=self._slopes[1]),
             record.noise_deviation() if noise is None else noise,
             self._discrepancy_of(record, report),
             groups,

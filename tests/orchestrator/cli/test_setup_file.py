@@ -13,7 +13,7 @@ from command_line import invoke
 from gossamer.descriptions import load_structure
 from gossamer_models import Stepper
 from gossamer_models.membrane import Edge, Fault, Gas, Load, Region, Sensor, Setup, Support, Zone, membrane_model, read_mesh
-from gossamer_models.membrane.setup import KnownNumbers
+from gossamer_models.membrane.setup import Built, KnownNumbers
 from gossamer_orchestrator.errors import ScenarioError
 from gossamer_orchestrator.scenario.source import shipped_scenarios
 
@@ -152,7 +152,7 @@ def test_every_key_is_documented_with_its_default():
     known = {key: default for keys, default in rows for key in re.findall(r"`([a-z_]+)`", keys)}
     tables = {"regions": Region, "zones": Zone, "supports": Support, "edges": Edge, "loads": Load, "sensors": Sensor}
     tables["faults"] = Fault
-    single = {"gas": Gas, "calibration": KnownNumbers}
+    single = {"gas": Gas, "calibration": KnownNumbers, "built": Built}
     for name, table in {**tables, **single}.items():
         assert f"`[[{name}]]`" in page or f"`[{name}]`" in page
         assert [field.name for field in fields(table) if field.name not in known] == []
