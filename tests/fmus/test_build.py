@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import casadi as ca
 import fmpy
+import numpy as np
 import pytest
 from building import build_fmu
 from fmpy.validation import validate_fmu
@@ -16,10 +17,13 @@ from gossamer_fmus import NAMES, build_all, variables_table
 from gossamer_fmus.catalogue import MODELS, fmu_folder, make_model
 from gossamer_fmus.description import arrays_of, base_unit
 from gossamer_fmus.page import with_variables
-from gossamer_models import ArtifactError, ParameterError, StepModel, Variable
+from gossamer_models import ArtifactError, ParameterError, StepModel, Stepper, Variable, simulate
+from gossamer_models.compensator import compensator_model
 from gossamer_models.membrane.square import square_structure
 from gossamer_models.sensor import Scales, default_artifact
 from gossamer_models.sensor.artifact import DEFAULT_TRACKING
+from oracles.direct import direct_inverse
+from oracles.preisach import spring
 
 only_python = pytest.mark.parametrize("kind", ["python"], indirect=True)
 
@@ -209,6 +213,24 @@ def test_a_fractional_artifact_builds_a_sensor_and_nothing_else(fmus, tmp_path):
     path.write_text("{}")
     with pytest.raises(ArtifactError, match="cannot read the artifact"):
         build_all(tmp_path, ["sensor"], artifact=path)
+
+
+@pytest.mark.parametrize("native", [False, True], ids=["python", "native"])
+def test_the_fmu_of_a_direct_inverse_gives_what_its_model_gives(tmp_path, native):
+    scales = Scales(rest_resistance=100.0, full_scale_resistance_change=50.0, full_scale_strain=0.2)
+    artifact = replace(spring(), inverse=direct_inverse((1, 3), step=0.05), scales=scales)
+    artifact.write(tmp_path / "direct.json")
+    fmu = build_all(tmp_path, ["compensator"], native=native, artifact=tmp_path / "direct.json")["compensator"]
+    assert validate_fmu(str(fmu)) == []
+    names, time = ["strain", "present_strain", "strain_deviation", "delay", "saturated"], 0.1 * np.arange(41)
+    R = 125.0 + 30.0 * np.sin(time)
+    signal = np.array(list(zip(time, R, strict=True)), dtype=[("time", float), ("resistance", float)])
+    found = fmpy.simulate_fmu(str(fmu), stop_time=4.0, step_size=0.1, output_interval=0.1, input=signal, output=names)
+    stepper = Stepper(compensator_model(artifact))
+    stepper.initialize()
+    expected = simulate(stepper, np.full(40, 0.1), {"resistance": R[:-1]}, names)
+    for name in names:
+        assert found[name][1:] == pytest.approx(expected[name], abs=1e-12), name
 
 
 def test_a_sensor_without_scales_is_built_with_stated_ones_or_not_at_all(tmp_path):
