@@ -48,7 +48,7 @@ def perceptron(X: Matrix, y: Vector) -> Callable[[Matrix], Vector]:
     parameters: list[Vector] = []
     for a, b in pairwise(sizes):
         parameters += [rng.normal(size=(a, b)) / np.sqrt(a), np.zeros(b)]
-    end = round((1.0 - HELD) * y.size)
+    end = min(round((1.0 - HELD) * y.size), y.size - 1)
     fitted, held = np.arange(0, end, max(1, end // MOST_SAMPLES)), slice(end, None)
 
     def forward(x: Matrix) -> list[Matrix]:
@@ -83,8 +83,9 @@ def recurrent(u: Vector, y: Vector) -> Callable[[Vector], Vector]:
     for _ in range(3):  # gates z and r, candidate
         parameters += [rng.normal(size=(n, n)) / np.sqrt(n), rng.normal(size=n), np.zeros(n)]
     parameters += [rng.normal(size=n) / np.sqrt(n), np.array([0.0, 1.0])]
-    held = slice(round((1.0 - HELD) * y.size), None)
-    begins = np.arange(0, max(1, round((1.0 - HELD) * y.size) - WINDOW), WINDOW)
+    end = min(round((1.0 - HELD) * y.size), y.size - 1)
+    held, window = slice(end, None), min(WINDOW, end)
+    begins = np.arange(0, end - window + 1, window)
 
     def sigmoid(x: Vector) -> Vector:
         return 0.5 * (1.0 + np.tanh(0.5 * x))
@@ -116,10 +117,10 @@ def recurrent(u: Vector, y: Vector) -> Callable[[Vector], Vector]:
         Wz, Wr, Wn = parameters[0], parameters[3], parameters[6]
         w, d = parameters[9:]
         slopes = [np.zeros_like(p) for p in parameters]
-        for k in range(WINDOW):
+        for k in range(window):
             x = u[begins + k]
             new, z, r, c = cell(h, x)
-            off = 2.0 * (new @ w + d[0] + d[1] * x - y[begins + k]) / (begins.size * WINDOW)
+            off = 2.0 * (new @ w + d[0] + d[1] * x - y[begins + k]) / (begins.size * window)
             tape.append((h, x, z, r, c, new, off))
             h = new
         back = np.zeros_like(h)

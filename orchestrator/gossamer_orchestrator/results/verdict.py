@@ -26,7 +26,7 @@ COARSE = 0.1  # of the change of the readings: where finer elements add more, th
 UNEXPLAINED = 1.3  # chi2 per sample above which the model is what hides damage
 # share of the errors above two stated deviations, up to which the compensator has said how wrong it is
 WITHIN_BAND = 0.1
-LARGE_ERROR = 0.5  # RMS error of recovered strain over the range of the true one, from which the strain is called wrong
+LARGE_ERROR = 0.15  # RMS error of recovered strain over the range of the true one, from which the strain is called wrong
 
 
 @dataclass(frozen=True)
@@ -322,7 +322,7 @@ def _furthest(values: Array, middle: float) -> float:
 
 
 def _wrong(reader: Reader) -> str:
-    """Say that recovered strain is off by more than half of the range of the true strain; empty if it is not."""
+    """Say that recovered strain is off by more than 15 % of the range of the true strain; empty if it is not."""
     error = reader.error
     if (
         error is None
