@@ -7,12 +7,14 @@ the sensor's output and ``c`` of the direct inverse's strain [1], ``vb``, ``vc``
 The output of some sensors moves against the strain, or by a gain: no inverse, but the sensor's own model tells how likely a
 strain is. One step reads move, predict, weigh, report, select:
 
-1. Move: the rate of strain wanders; now and then it turns to any other, a few hypotheses go where the direct inverse is.
-2. Predict: every hypothesis advances its sensor, ``SensorLaw.advance``.
+1. Move: the rate of strain wanders, rest stays rest; now and then it turns to any other. A few hypotheses go where the
+   direct inverse is; while all are lost, more of them begin anew there.
+2. Predict: every hypothesis advances its sensor, ``SensorLaw.advance``. Of one that begins anew the static output takes what
+   the measured output tells: its past is one that is consistent with the resistance.
 3. Weigh: the output, and the direct inverse's strain if there is one, against what was predicted. A slow error of either is
    estimated per hypothesis by a Kalman filter, so a drift is not taken for strain.
 4. Report: mean and deviation of the strain ``DELAY`` samples ago, and of the present one.
-5. Select: when few hypotheses carry the weight, they replace the others.
+5. Select: when few hypotheses carry the weight, they replace the others, by tempered weights.
 
 Random numbers are replaced by sequences of low discrepancy, whose place is in the state: the same record gives the same
 strain, bit by bit.
@@ -36,15 +38,17 @@ from .inverse import DirectLaw
 PARTICLES = 96
 DELAY = 24  # [samples]
 EXPLORING = 0.15  # share of the hypotheses that turn in every step at least; their weights make up for it
-AIMED, AIMED_LOST = 0.02, 0.15  # share that begins anew; while the output is not explained
-EXPLORING_LOST = 0.4
-RENEWED, RENEWED_LOST = 0.05, 0.5  # weight [1] of a hypothesis that begins anew over that of its parent
-RESTING = 0.3  # largest share of the turns that are tried which end at rest: few hypotheses leave a long hold else
-TEMPER = 0.5  # power of the weights by which selection keeps hypotheses: turns show what they are worth only samples later
-MISSED, SOON = 3.0, 0.2  # standard deviations by which a sample is missed, share [1] by which each sample counts to "lost"
-TOLD, DISBELIEF, MOST_DISBELIEF = 3.0, 0.02, 3.0  # price per sample of the direct inverse's slow error
+EXPLORING_LOST = 0.4  # of them while all are lost
+RESTING = 0.3  # largest share of these turns that end at rest: few hypotheses leave a long hold else
+AIMED, ANEW = 0.02, 0.15  # shares that go where the direct inverse is, and that begin anew there while all are lost
+RENEWED = 0.3  # weight [1] of a hypothesis that begins anew over that of its parent
+TAKEN = 2.0  # [1] most of the output that its static part takes
+MISSED, ASTRAY = 3.0, 3.0  # standard deviations by which the output is missed, and by which the direct inverse errs slowly
+SOON, LONG = 0.05, 0.7  # hypotheses are lost when LONG of the latest 1/SOON samples are missed, 24 in a row
+DISBELIEF, MOST_DISBELIEF = 0.02, 3.0  # price [1] per sample of a slow error of the direct inverse beyond that
+TEMPER = 0.75  # power of the weights by which selection keeps hypotheses: turns show what they are worth only samples later
 CREEP = 1e-9  # [1/s] rate after a hypothesis has met an end of the range: it wanders on, and does not rest
-NEVER = 1e6
+NEVER = 1e6  # stands for infinity
 SMALLEST = 1e-300
 WIDEST = 0.46  # of half a turn: the rates after a turn are Cauchy distributed up to 8 times their median
 UNKNOWN = 0.3  # [1] deviation of the slow errors before the first sample: records begin with relaxation under way
@@ -114,7 +118,7 @@ class FilterState:
     place : casadi.MX, shape (2,)
         Where the sequences are [1].
     lost : casadi.MX, scalar
-        Share of the latest samples [1] that no hypothesis explained.
+        Share of the latest samples [1] that no hypothesis explained, or that the direct inverse contradicted.
     """
 
     hypotheses: Hypotheses
@@ -191,7 +195,7 @@ def filter_model(artifact: SensorArtifact | None = None, particles: int = PARTIC
             aim = direct.strain(inverse)
         place = _fraction(x.place + ca.DM(PLASTIC))
         # move and predict
-        s, v, factor, new = _move(x.hypotheses, tracking, aim, place, x.lost, h)
+        s, v, factor, new = _move(x.hypotheses, tracking, aim, place, x.lost > LONG, h)
         sensor = law.advance(x.hypotheses.sensor, s, h)
         sensor, predicted = _anew(law, x.hypotheses.sensor, sensor, new, y, h)
         sensor = replace(sensor, up=ca.sum1(sensor.up), down=ca.sum1(sensor.down))
@@ -200,13 +204,17 @@ def filter_model(artifact: SensorArtifact | None = None, particles: int = PARTIC
         b, vb, miss, log_w = _weigh(x.hypotheses.b, x.vb, y - predicted, new, tracking.output, tracking.tail, noise, h)
         c, vc = x.hypotheses.c, x.vc
         if aim is not None and tracking.inverse is not None:
-            # a slow part far beyond its deviations has grown in steps that each were likely
-            disbelief = ca.fmin(DISBELIEF * ca.fmax((c / tracking.inverse.slow) ** 2 - TOLD**2, 0.0), MOST_DISBELIEF)
+            # it has grown in steps that each were likely
+            beyond = ca.fmax((c / tracking.inverse.slow) ** 2 - ASTRAY**2, 0.0)
+            log_w = log_w - ca.if_else(new, 0.0, ca.fmin(DISBELIEF * beyond, MOST_DISBELIEF))
             c, vc, _, more = _weigh(c, vc, aim - s, new, tracking.inverse, tracking.tail, ca.MX(0.0), h)
-            log_w = log_w + more - ca.if_else(new, 0.0, disbelief)
+            log_w = log_w + more
         w = x.w * factor * ca.exp(log_w - ca.mmax(log_w))
         w = w / ca.sum2(w)
-        lost = x.lost + SOON * ((miss > MISSED) - x.lost)
+        astray = miss > MISSED
+        if aim is not None and tracking.inverse is not None:
+            astray = ca.logic_or(astray, ca.fabs(ca.dot(w, c)) > ASTRAY * tracking.inverse.slow)
+        lost = x.lost + SOON * (astray - x.lost)
         # report
         past = ca.horzcat(x.hypotheses.past[:, 1:], s.T)
         steps = ca.vertcat(x.steps[1:], h)
@@ -239,7 +247,7 @@ def _move(
 ) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:
     """Return strain [1] and rate [1/s] of every hypothesis after a step, factors of their weights [1], and who begins anew.
 
-    One at rest stays there exactly until it turns. Half of those that begin anew do so where the direct inverse is.
+    One at rest stays there exactly until it turns.
     """
     P = old.v.shape[1]
     first, second = (
@@ -257,13 +265,11 @@ def _move(
     wandering = old.v + tracking.wander * ca.sqrt(h) * LOGISTIC * ca.log(inside / (1.0 - inside))
     v = ca.if_else(turn, other, ca.if_else(old.v == 0.0, 0.0, wandering))
     factor = ca.if_else(turn, turns / tried * likely, (1.0 - turns) / (1.0 - tried))
-    usual = 0.0 if aim is None else AIMED
-    share = usual + (AIMED_LOST - usual) * lost
-    new, anywhere = first > 1.0 - share, (1.0 - first) / ca.fmax(share, SMALLEST)
+    s, new = old.sensor.s + v * h, ca.MX(ca.DM.zeros(1, P))
     if aim is not None:
-        anywhere = ca.if_else(anywhere > 0.5, aim, 2.0 * anywhere)
-    s = ca.if_else(new, anywhere, old.sensor.s + v * h)
-    factor = ca.if_else(new, RENEWED + (RENEWED_LOST - RENEWED) * lost, factor)
+        new = first > 1.0 - ANEW * lost
+        s = ca.if_else(ca.logic_or(first < AIMED, new), aim, s)
+        factor = ca.if_else(new, RENEWED, factor)
     ended = ca.logic_or(s < 0.0, s > 1.0)
     return clip(s), ca.if_else(ended, CREEP * (v != 0.0), v), factor, new
 
@@ -274,13 +280,13 @@ def _anew(
     """Return the sensors after a step, and the output [1] that they predict.
 
     A jump of a hypothesis that begins anew excites no relaxation, and its static output, whose past it does not know, takes
-    what the measured output ``y`` [1] tells, up to ``UNKNOWN``: a broken wire is not explained by it.
+    what the measured output ``y`` [1] tells, up to ``TAKEN``: a broken wire is not explained by it.
     """
     held = law.hold(before, h)
     z, g = ca.if_else(down(new, after.z), held.z, after.z), ca.if_else(down(new, after.g), held.g, after.g)
     sensor = replace(after, z=z, g=g)
     predicted = law.output(sensor)
-    shift = ca.if_else(new, ca.fmax(ca.fmin(y - predicted, UNKNOWN), -UNKNOWN), 0.0)
+    shift = ca.if_else(new, ca.fmax(ca.fmin(y - predicted, TAKEN), -TAKEN), 0.0)
     return replace(sensor, f=sensor.f + shift), predicted + shift
 
 
