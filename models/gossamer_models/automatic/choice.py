@@ -40,6 +40,7 @@ SHARED = 0.5  # of the squares of the errors that the constant part of the state
 TAIL, WANDER = 4.0, 3.0  # of the filter; SURE and CALM trust its models more
 SURE, CALM = 30.0, 1.0
 NEAR = 1.1  # of methods whose errors are at most so many times the least one, that listed first wins: less is left to chance
+FAILING = 1.5  # times the error: a compensator that fails on its own model is as good as one that is so much worse
 BUDGET = 300.0  # [s], a stop: on an idle machine all settings are tried in a fifth of it
 SHARES = (0.5, 0.9)  # of the budget that have passed when sensor and compensator are chosen
 Progress = Callable[[float, str], None]
@@ -162,7 +163,7 @@ def choose_compensator(
 ) -> tuple[Method, Tracking]:
     """Return the compensator whose strain is best, and numbers for the filter with the same sensor.
 
-    One that runs the sensor must recover what that sensor gives, see ``self_test``, or the next one is taken.
+    One that runs the sensor and does not recover what that sensor gives, see ``self_test``, must be better by ``FAILING``.
 
     Parameters
     ----------
@@ -213,15 +214,17 @@ def choose_compensator(
     methods += [Method(sensor=s, name=name, direct=False) for s in plain for name in ("inverse", "estimator")]
     found = bench.best("compensator", methods, lambda m: m.text, [judge], share=(0.5, 0.95), surely=2)
 
-    @cache
-    def holds(method: Method) -> bool:
-        fit = ready(len(parts) - 1, method)
-        return (method.name == "inverse" and method.direct) or not any(self_test(fit, each).fails for each in records)
-
-    least = next((error for error, method in found if holds(method)), None)
-    if least is None:
+    if not found:
         raise nothing_fitted()
-    best = min((method for error, method in found if error <= NEAR * least and holds(method)), key=methods.index)
+
+    @cache
+    def handicap(method: Method) -> float:
+        fit = ready(len(parts) - 1, method)
+        holds = (method.name == "inverse" and method.direct) or not any(self_test(fit, each).fails for each in records)
+        return 1.0 if holds else FAILING
+
+    fair = sorted((error * handicap(m), methods.index(m)) for error, m in found if error <= FAILING * NEAR * found[0][0])
+    best = methods[min(place for error, place in fair if error <= NEAR * fair[0][0])]
     # if another method has won, this filter serves whoever builds the FMU filter
     kept = best if best.name == "filter" else Method(sensor=best.sensor, name="filter", direct=best.direct)
     numbers = kept.numbers(tried(len(parts) - 1, best.sensor)[1])
