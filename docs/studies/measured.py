@@ -130,7 +130,7 @@ def measured_records(data: Path) -> dict[str, Record]:
 
 def measured_settings() -> dict[str, PreisachSettings]:
     """Return the settings for silver thread, carbon black, jagged carbon black, and with the thesis' drives alone."""
-    carbon = PreisachSettings.of("preisach-hats", extension="reversing")
+    carbon = PreisachSettings.of("preisach-hats", extension="reversing", delay=24)
     return {
         "nylon": PreisachSettings.of("preisach-hats", extension="gain", ridge="auto"),
         "carbon": carbon,
