@@ -103,11 +103,13 @@ def test_the_twin_of_the_built_shape_is_right_where_the_drawing_reads_otherwise(
 
 def test_what_is_no_survey_of_this_structure_is_refused(tmp_path):
     seen = points()
-    with pytest.raises(DataError, match=r"of the survey, \(.*\) m, is .* m from the surface.*Check its unit, and that its axes"):
+    with pytest.raises(
+        DataError, match=r"of the survey, \(.*\) m, is .* m from the surface.*Check its unit, and that its axes"
+    ):
         surveyed(dish(), 1e3 * seen[:8])
     with pytest.raises(DataError, match="of the survey"):
-        surveyed(dish(), seen[:8] + [0.0, 0.0, 0.3])
-    with pytest.raises(DataError, match="a survey of 5 points tells no shape. Measure 8 or more"):
+        surveyed(dish(), seen[:8] + np.array([0.0, 0.0, 0.3]))
+    with pytest.raises(DataError, match="a survey of 5 points tells no shape"):
         surveyed(dish(), seen[:5])
     with pytest.raises(DataError, match="has no three numbers"):
         surveyed(dish(), np.vstack([seen, [[0.0, np.nan, 0.0]]]))
@@ -118,7 +120,11 @@ def test_what_is_no_survey_of_this_structure_is_refused(tmp_path):
     path = tmp_path / "points.csv"
     np.savetxt(path, 1e3 * seen, delimiter=",", header="x [mm],y [mm],z [mm]", comments="")
     assert read_survey(path) == pytest.approx(seen)
-    for head, message in (("x [mm],y [mm],h [mm]", "no column 'z'"), ("x [mm],y [mm],z", "has no unit"), ("x [mm],y [s],z [m]", "no unit of y")):
+    for head, message in (
+        ("x [mm],y [mm],h [mm]", "no column 'z'"),
+        ("x [mm],y [mm],z", "has no unit"),
+        ("x [mm],y [s],z [m]", "no unit of y"),
+    ):
         np.savetxt(path, seen, delimiter=",", header=head, comments="")
         with pytest.raises(DataError, match=message):
             read_survey(path)
