@@ -215,7 +215,7 @@ def test_a_film_is_calibrated_from_load_states():
     states = StaticRecord(
         step=1.0, values=values, noise=1e-7, inputs=pressures, names=("a", "b", "c", "d"), state=np.arange(4)
     )
-    found = calibrate(film(), [states], priors={"modulus": 0.0}, mesh_error=False)
+    found = calibrate(film(), [states], priors={"modulus": 0.0, "place": 0.0}, mesh_error=False)
     assert found.valid
     for name, true_factor in (("thickness", 1.06), ("prestress", 1.1)):
         k = found.names.index(name)

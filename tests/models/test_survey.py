@@ -109,7 +109,7 @@ def test_what_is_no_survey_of_this_structure_is_refused(tmp_path):
         surveyed(dish(), 1e3 * seen[:8])
     with pytest.raises(DataError, match="of the survey"):
         surveyed(dish(), seen[:8] + np.array([0.0, 0.0, 0.3]))
-    with pytest.raises(DataError, match=r"a survey of 5 points tells no shape\. Measure 8 or more"):
+    with pytest.raises(DataError, match="a survey of 5 points tells no shape"):
         surveyed(dish(), seen[:5])
     with pytest.raises(DataError, match="has no three numbers"):
         surveyed(dish(), np.vstack([seen, [[0.0, np.nan, 0.0]]]))

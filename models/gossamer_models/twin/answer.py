@@ -82,7 +82,7 @@ class Answer:
         zones that may be damaged in place of others.
     nuisances : dict of tuple of float
         Value and standard deviation of each nuisance: a factor for load, damping, modulus and gain; phase [rad]; pressure
-        [Pa]; offset [1], of strain or of the sensor's change at full scale.
+        [Pa]; offset [1], of strain or of the sensor's change at full scale; places [m].
     sensor_errors, sensor_offsets : tuple of float or None
         How far each sensor is off its identified model, as shares of the range of what it reads [1]: root mean square of its
         likeliest error beside an offset, and that offset; None of one without values. Empty for strain.

@@ -190,8 +190,7 @@ def read_survey(path: Path) -> Matrix:
     def choose(header: list[str], line: int) -> list[Column]:
         places = {_load(cell).strip().lower(): k for k, cell in enumerate(header)}
         if lost := [axis for axis in units if axis not in places]:
-            has = f"A survey has x [m], y [m] and z [m]; this has {listed(header)}."
-            msg = f"{path}, line {line}: no column {lost[0]!r}. {has}"
+            msg = f"{path}, line {line}: no column {lost[0]!r}. A survey has x [m], y [m], z [m]; it has {listed(header)}."
             raise DataError(msg)
         return [_load_column(path, line, header[places[axis]].strip().lower(), places[axis], units) for axis in units]
 

@@ -14,7 +14,8 @@ from gossamer_orchestrator.pages.page import Kind
 from gossamer_orchestrator.results.dataset import zone_label
 from gossamer_orchestrator.words import between, uncertain
 
-NUISANCE_UNITS = {"phase": "rad", "pressure": "Pa"}  # of what is fitted beside damage; the others are ratios
+# of what is fitted beside damage; the others are ratios
+NUISANCE_UNITS = {"phase": "rad", "pressure": "Pa", "place_along": "m", "place_across": "m"}
 
 
 def twin_page(names: Sequence[str], answer: Answer, compared: str, *, shown: bool) -> Page:
@@ -138,9 +139,11 @@ def explanation_cells(answer: Answer, *, shown: bool) -> list[TableText]:
 
 def nuisance_cells(answer: Answer) -> list[tuple[str, str]]:
     """Return name and value with its standard deviation of what was fitted beside damage, and how far sensors are off."""
-    cells = [
-        (name, uncertain(*each, NUISANCE_UNITS.get(name.partition("[")[0], ""))) for name, each in answer.nuisances.items()
-    ]
+    cells = []
+    for name, (value, deviation) in answer.nuisances.items():
+        unit = NUISANCE_UNITS.get(name.partition("[")[0], "")
+        factor, unit = (1e3, "mm") if unit == "m" else (1.0, unit)
+        cells.append((name, uncertain(factor * value, factor * deviation, unit)))
     for k, (error, offset) in enumerate(zip(answer.sensor_errors, answer.sensor_offsets, strict=True), 1):
         if error is not None and offset is not None:
             off = f"{100.0 * error:.2g} % of its range, beside an offset of {100.0 * offset:.2g} %"
