@@ -21,7 +21,7 @@ import casadi as ca
 
 from ..modes import phi_1
 from ..variables import select
-from .artifact import DirectInverse, Network
+from .artifact import DirectInverse, Perceptron
 from .model import clip
 
 ENOUGH = 1.0 - 1e-6  # of a step
@@ -200,7 +200,7 @@ class DirectLaw:
         return Memory(plays, memory.low.advance(u, self._times, h))
 
 
-def _read(networks: tuple[Network, ...], features: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
+def _read(networks: tuple[Perceptron, ...], features: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
     X = networks[0].place(features)  # all were trained on the same samples
     within = ca.fmin(ca.fmax(X, -1.0), 1.0)
     values = ca.vertcat(*(each.value(within) for each in networks))

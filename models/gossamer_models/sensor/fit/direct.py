@@ -9,7 +9,7 @@ import numpy as np
 from ...arrays import Matrix, Rows
 from ...errors import require
 from ...fitting.records import FITTED, Record, cut, until_the_end_of_training
-from ..artifact import DirectInverse, Network
+from ..artifact import DirectInverse, Perceptron
 from ..direct import OUTSIDE, DirectLaw
 from .networks import memory
 from .networks import train as train_network
@@ -119,7 +119,7 @@ def _trained(records: Sequence[Record], train: Sequence[Rows], full_scale: float
     n = 1 + len(WIDTHS) + LOW_PASSES
     every = max(1, sum(int(rows.sum()) for _, rows in used) // MOST_SAMPLES)
 
-    def networks(columns: slice, late: int) -> tuple[Network, ...]:
+    def networks(columns: slice, late: int) -> tuple[Perceptron, ...]:
         """Train on the strain that is so many samples old."""
         seen = [each[:, columns] for each in features]
         strains = [np.roll(record.strain, late) / full_scale - 0.5 for record, _ in used]

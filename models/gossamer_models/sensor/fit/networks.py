@@ -1,8 +1,8 @@
 r"""Training of the small networks of a sensor: on what it leaves over, and for its direct inverse.
 
-Symbols: ``X`` features over their range [1], ``r`` target [1], ``B`` bound; the parameters are those of ``Network`` in one
-vector. The training of a residual network stops early: after as many iterations as predict the later parts of the training
-stretch best.
+Symbols: ``X`` features over their range [1], ``r`` target [1], ``B`` bound; the parameters are those of ``Perceptron`` in
+one vector. The training of a residual network stops early: after as many iterations as predict the later parts of the
+training stretch best.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,7 +16,7 @@ from scipy.optimize import minimize
 from ...arrays import Matrix, Rows, Vector
 from ...fitting.records import Record
 from ...variables import pack, unpack
-from ..artifact import Network, SensorArtifact
+from ..artifact import Perceptron, SensorArtifact
 from ..direct import DirectLaw
 from ..law import SensorLaw
 
@@ -59,8 +59,8 @@ def train(
     *,
     decay: float = DECAY,
     seed: int = 0,
-    watch: Callable[[Network], None] | None = None,
-) -> Network:
+    watch: Callable[[Perceptron], None] | None = None,
+) -> Perceptron:
     """Train a network on some samples of some records.
 
     Parameters
@@ -80,7 +80,7 @@ def train(
 
     Returns
     -------
-    Network
+    Perceptron
         The network.
     """
     F = np.vstack([f[k] for f, k in zip(features, rows, strict=True)])
@@ -106,10 +106,10 @@ def train(
         slope = np.concatenate([(hidden.T @ X).ravel(), hidden.sum(axis=0), (a.T @ back) * bound])
         return float(np.mean(off**2)) / size + decay * float(p @ p), slope + 2.0 * decay * p
 
-    def network(p: Vector) -> Network:
+    def network(p: Vector) -> Perceptron:
         W, c, w = split(p)
         rows_of = tuple(map(tuple, W.tolist()))
-        return Network(
+        return Perceptron(
             lowest=tuple(low.tolist()),
             highest=tuple(high.tolist()),
             hidden=rows_of,
@@ -123,7 +123,7 @@ def train(
     return network(found.x)
 
 
-def corrections(residual: Network, features: Matrix) -> Vector:
+def corrections(residual: Perceptron, features: Matrix) -> Vector:
     """Return the corrections [1], shape (m,), of features, shape (m, F)."""
     x = ca.MX.sym("x", features.shape[1], features.shape[0])
     function = ca.Function("corrections", [x], [residual.correction(x)])
@@ -146,7 +146,7 @@ def choose_steps(
     curves = []
     for features, remaining, fitted, held in cuts:
 
-        def error(residual: Network | None) -> float:
+        def error(residual: Perceptron | None) -> float:
             squares = [
                 (e[k] - (0.0 if residual is None else corrections(residual, f[k]))) ** 2
                 for f, e, k in zip(features, remaining, held, strict=True)  # noqa: B023
@@ -156,7 +156,7 @@ def choose_steps(
 
         curve, taken = [error(None)], count(1)
 
-        def watch(network: Network) -> None:
+        def watch(network: Perceptron) -> None:
             if next(taken) % LOOK == 0:  # noqa: B023
                 curve.append(error(network))  # noqa: B023
 
