@@ -159,6 +159,12 @@ def test_an_inverse_without_networks_or_with_a_falling_range_is_refused(tmp_path
     assert SensorArtifact.read(path) == artifact
 
 
+def test_fewer_samples_than_the_delay_are_refused_and_a_record_that_short_has_no_strain(fitted):
+    with pytest.raises(GossamerError, match="too few samples for a strain that is 24 samples late"):
+        fit_direct((MADE,), (np.arange(STRAIN.size) < 20,), 1.0, delay=24, calibrated=False)
+    assert np.isnan(recovered(fitted, MADE.at(np.arange(4)))).all()
+
+
 def test_a_constant_resistance_is_refused():
     still = replace(MADE, resistance=np.full(STRAIN.size, 100.0))
     with pytest.raises(GossamerError, match="the resistance is constant"):

@@ -5,9 +5,10 @@ from dataclasses import replace
 
 import casadi as ca
 import numpy as np
+from gossamer_files.options import option
 
 from ...arrays import Matrix, Rows
-from ...errors import require
+from ...errors import DataError, require
 from ...fitting.records import FITTED, Record, cut, until_the_end_of_training
 from ..artifact import DirectInverse, Perceptron
 from ..direct import OUTSIDE, DirectLaw
@@ -61,7 +62,7 @@ def fit_direct(
     Raises
     ------
     DataError
-        The resistance is constant.
+        The resistance is constant, or there are fewer samples than the delay.
     """
     records, train = until_the_end_of_training(records, train)
     inverse = _trained(records, train, full_scale, delay, seed)
@@ -91,7 +92,7 @@ def recovered(inverse: DirectInverse, record: Record) -> Matrix:
     features = memory(law, record.resistance, record.time).T
     x = ca.MX.sym("x", features.shape[0])
     told = np.vstack([each.full() for each in ca.Function("read", [x], [*law.earlier(x)])(features)]).T
-    return np.vstack([told[delay:], np.full((delay, 3), np.nan)])
+    return np.vstack([told[delay:], np.full((min(delay, len(told)), 3), np.nan)])
 
 
 def _trained(records: Sequence[Record], train: Sequence[Rows], full_scale: float, delay: int, seed: int) -> DirectInverse:
@@ -99,7 +100,7 @@ def _trained(records: Sequence[Record], train: Sequence[Rows], full_scale: float
     used = list(zip(records, train, strict=True))
     resistances = np.concatenate([record.resistance[rows] for record, rows in used])
     low, high = float(resistances.min()), float(resistances.max())
-    require(low < high, "the resistance is constant where it is fitted, so no strain can be told from it.")
+    require(low < high, "the resistance is constant where it is fitted, so no strain can be told from it.", DataError)
     step = min(float(np.median(np.diff(record.time))) for record, _ in used)
     shortest = min(float(np.min(np.diff(record.time))) for record, _ in used)
     longest = max(float(np.ptp(record.time[rows])) for record, rows in used)
@@ -124,6 +125,8 @@ def _trained(records: Sequence[Record], train: Sequence[Rows], full_scale: float
         seen = [each[:, columns] for each in features]
         strains = [np.roll(record.strain, late) / full_scale - 0.5 for record, _ in used]
         some = [_every(rows & np.roll(rows, late) & (np.arange(rows.size) >= late), every) for _, rows in used]
+        few = f"the training stretch has too few samples for a strain that is {late} samples late"
+        require(any(each.any() for each in some), f"{few}. Name a longer one ({option('train')}).", DataError)
         return tuple(train_network(seen, strains, some, STEPS, decay=DECAY, seed=seed + k) for k in range(NETWORKS))
 
     later = networks(slice(n, None), ahead[-1]) if ahead else ()
