@@ -25,7 +25,7 @@ from .fractional.artifact import MODELS as FRACTIONAL
 from .fractional.fit import doubts as fractional_doubts
 from .plots import ModelledRecord, record_files
 from .replay import Recovered, clipped_strain, recover_by_fit, table_path, write_predictions
-from .self_test import EXACT, SelfTest, cycled_doubt, cycled_range, self_test
+from .self_test import SelfTest, cycled_doubt, cycled_range, self_test
 from .sensor.fit import PreisachFit, PreisachSettings, fit_preisach
 from .sensor.fit.align import RelativeScale, align
 from .sensor.fit.doubts import doubts as preisach_doubts
@@ -36,7 +36,6 @@ from .sensor.plots import sensor_files
 
 log = logging.getLogger(__name__)
 AUTO: Literal["auto"] = "auto"  # chooses the model by predicting the later parts of the training stretch
-FAILS = f"More than {EXACT:g} % without noise is no error of the sensor, but of the compensator: take another one."
 WORSE = 1.5  # times the error of the test stretch: that of training is a warning
 BEYOND = 1.05  # times the largest strain of training
 
@@ -250,7 +249,7 @@ def identify_files(
         doubted += filter(None, (clipped_strain(record, found, fit.full_scale, rows) for record, found, rows in parts))
         progress("recovering what the sensor's own model gives")
         own = tuple(self_test(fit, record) for record in fit.records)
-        doubted += [f"{each.sentence} {FAILS}" for each in own if each.fails]
+        doubted += [f"{each.sentence} {each.reason}" for each in own if each.reason]
         cycled = tuple(cycled_range(fit, record) for record in fit.records)
         doubted += filter(None, (cycled_doubt(r.name, size) for r, size in zip(fit.records, cycled, strict=True)))
     strains = [found.strain for found in recovered] or None

@@ -28,22 +28,26 @@ class SelfTest:
         Error without noise, and with the noise of the record [% of range], root mean square.
     stated : float or None
         Error with noise over the deviation that is stated, root mean squares [1]; None where none is.
-    model : float
+    model : float or None
         What the sensor's model misses of the record's resistance [% of its range], where the compensator was fitted to the
-        record and not to the model; else 0.
+        record and not to the model; else None.
     """
 
     record: str
     clean: float
     noisy: float
     stated: float | None
-    model: float = 0.0
+    model: float | None = None
 
     @property
-    def fails(self) -> bool:
-        """Whether the compensator does not recover what its own model gives."""
-        too_sure = not self.model and self.stated is not None and not self.stated <= STATED
-        return too_sure or not self.clean <= EXACT + self.model
+    def reason(self) -> str:
+        """Why the compensator fails on its sensor's own model; empty if it does not."""
+        if not self.clean <= EXACT + (self.model or 0.0):
+            beyond = "" if self.model is None else f" beyond the {self.model:.2g} % that the model misses"
+            return f"More than {EXACT:g} %{beyond} is no error of the sensor, but of the compensator: take another one."
+        if self.model is None and self.stated is not None and not self.stated <= STATED:
+            return f"More than {STATED:g} stated deviations: it is surer than it may be."
+        return ""
 
     @property
     def sentence(self) -> str:
@@ -84,7 +88,7 @@ def self_test(fit: PreisachFit, record: Record, seed: int = 0) -> SelfTest:
         stated = float(np.sqrt(np.mean(error[there] ** 2) / np.mean(deviation[there] ** 2)))
     errors = (nrmse(record.strain, found.strain, size) for found in (clean, with_noise))
     direct = fit.artifact.inverse is not None and fit.artifact.compensator in (None, "inverse")
-    missed = nrmse(record.resistance, made.resistance, float(np.ptp(record.resistance))) if direct else 0.0
+    missed = nrmse(record.resistance, made.resistance, float(np.ptp(record.resistance))) if direct else None
     return SelfTest(record=record.name, **dict(zip(("clean", "noisy"), errors, strict=True)), stated=stated, model=missed)
 
 

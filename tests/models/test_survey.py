@@ -111,7 +111,7 @@ def test_what_is_no_survey_of_this_structure_is_refused(tmp_path):
         surveyed(dish(), seen[:8] + np.array([0.0, 0.0, 0.3]))
     with pytest.raises(DataError, match="a survey of 5 points tells no shape"):
         surveyed(dish(), seen[:5])
-    with pytest.raises(DataError, match="has no three numbers"):
+    with pytest.raises(DataError, match=r"point \d+ of the survey has no three numbers"):
         surveyed(dish(), np.vstack([seen, [[0.0, np.nan, 0.0]]]))
     with pytest.raises(DataError, match="has a shape as built"):
         surveyed(built(), seen)

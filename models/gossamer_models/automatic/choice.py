@@ -11,7 +11,7 @@ import math
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache
 from typing import Unpack
 
 import numpy as np
@@ -220,7 +220,7 @@ def choose_compensator(
     @cache
     def handicap(method: Method) -> float:
         fit = ready(len(parts) - 1, method)
-        holds = (method.name == "inverse" and method.direct) or not any(self_test(fit, each).fails for each in records)
+        holds = (method.name == "inverse" and method.direct) or not any(self_test(fit, each).reason for each in records)
         return 1.0 if holds else FAILING
 
     fair = sorted((error * handicap(m), methods.index(m)) for error, m in found if error <= FAILING * NEAR * found[0][0])
@@ -257,7 +257,7 @@ def _numbers(fit: PreisachFit, train: tuple[Rows, ...], late: tuple[Rows, ...]) 
     records, full_scale = fit.records, fit.full_scale
     step = float(np.median(np.concatenate([np.diff(r.time) for r in records])))
     output = [(r.resistance - p) / fit.resistance_change for r, p in zip(records, fit.alone, strict=True)]
-    strain = [(r.strain - recover_by_fit(fit, r, "inverse").strain) / full_scale for r in records]
+    strain = [(r.strain - recover_by_fit(fit, r, "inverse").present) / full_scale for r in records]
     times = [r.time[rows] for r, rows in zip(records, train, strict=True)]
     strains = [r.strain[rows] / full_scale for r, rows in zip(records, train, strict=True)]
     of_output, of_inverse = (
@@ -348,7 +348,7 @@ def choose(
 
     delay = choose_delay(whole, rows, bench, full_scale, inverse)
     sensors = [replace(settings, delay=delay) for settings in sensors]
-    method, tracking = choose_compensator(whole, rows, sensors, bench, partial(inverse, delay=delay), **given)
+    method, tracking = choose_compensator(whole, rows, sensors, bench, lambda k: inverse(k, delay), **given)
     progress(0.95, "fitting the winner to the whole training stretch")
     fit = fit_preisach(records, train, method.sensor, **given)
     return Chosen(fit=equipped(fit, method, tracking), method=method, trials=tuple(bench.trials), untried=bench.untried)

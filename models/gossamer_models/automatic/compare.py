@@ -180,7 +180,7 @@ def standings(
             record=record.name,
             model=model,
             forward=interval(R[k], forward.get(model, {}).get(k), ~train[k]),
-            strain=interval(strain[k], back[model].get(k), ~train[k]),
+            strain=interval(strain[k], back[model].get(k), ~train[k] & (np.arange(train[k].size) < train[k].size - late)),
         )
         for k, record in enumerate(records)
         if not train[k].all()

@@ -22,6 +22,7 @@ from .trials import Bench, error_on
 
 FIRST_RIDGE, RIDGES = 3e-3, (3e-2, 1e-3, 3e-4, 5e-5)
 DELAYS, WORTH = (0, 6, 24), 1.05  # of a direct inverse [samples]; times the least error: more delay is not worth less
+SHORT = 0.1  # of the training samples of a record, by which a strain may be late
 COMPARABLE = 1.25  # times the least error: a sensor that predicts worse is not taken for the sake of its compensator
 KINDS = 2  # sensors of different extensions that go on to the choice of the compensator
 
@@ -41,7 +42,7 @@ def choose_sensors(
     Parameters
     ----------
     records, train : tuple of Record, tuple of ndarray of bool
-        Training stretches, see ``split.shortened``.
+        Training stretches, see ``trials.shortened``.
     bench : Bench
         Where settings are tried.
     **given
@@ -96,7 +97,9 @@ def choose_delay(
         return error_on(strains, (r.strain for r in records), parts[k][1])
 
     judges = [partial(judge, k) for k in range(len(parts))]
-    found = bench.best("direct inverse", DELAYS, inverse_name, judges, share=(0.4, 0.5), surely=len(DELAYS))
+    longest = SHORT * min(int(rows.sum()) for rows in train)
+    delays = [delay for delay in DELAYS if delay <= longest]
+    found = bench.best("direct inverse", delays, inverse_name, judges, share=(0.4, 0.5), surely=len(delays))
     return min((delay for error, delay in found if error <= WORTH * found[0][0]), default=0)
 
 

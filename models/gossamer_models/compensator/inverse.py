@@ -1,7 +1,7 @@
 r"""The compensator as an inverse of the sensor, with a fixed number of operations per step: exact, or direct.
 
 Symbols: ``R`` resistance [ohm], ``s`` normalised strain [1], ``y`` normalised output [1], ``target`` change of output that
-the new strain has to make [1], ``v`` output over the range of a direct inverse [1]. In ``invert``, for rising strain
+the new strain has to make [1]. In ``invert``, for rising strain
 (falling strain is its mirror image :math:`s \to 1 - s`, :math:`\mu \to \nu`): ``front[i]`` of line i [1], not decreasing in
 i; ``m[i]`` weight below it [1]; ``C[i, l]`` weight of line i below strain l/N [1].
 
@@ -262,7 +262,7 @@ def direct_model(artifact: SensorArtifact) -> StepModel:
         how = option("direct_inverse", True)
         msg = f"this sensor has no direct inverse. Identify it with {how}, or take the exact inverse."
         raise ParameterError(msg)
-    direct, forward = DirectLaw(inverse), SensorLaw(replace(artifact, inverse=None))
+    direct, forward = DirectLaw(inverse), SensorLaw(artifact)
 
     def init(_: Values, p: Values) -> tuple[DirectCompensatorState, Results]:
         rest = resting_state(forward, p)

@@ -161,7 +161,7 @@ def filter_model(artifact: SensorArtifact | None = None, particles: int = PARTIC
        doi:10.1109/TSP.2005.849151.
     """
     artifact = default_artifact() if artifact is None else artifact
-    law = SensorLaw(replace(artifact, inverse=None))
+    law = SensorLaw(artifact)
     tracking = artifact.tracking or DEFAULT_TRACKING
     inverse = None if tracking.inverse is None else artifact.inverse
     direct = None if inverse is None else DirectLaw(replace(inverse, ahead=(), later=()))

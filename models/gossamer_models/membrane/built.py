@@ -92,8 +92,8 @@ def surveyed(structure: Structure, points: Matrix) -> Surveyed:
     out are predicted as well as by any. What points are away from the equilibrium moves the shape without stress, twice.
     """
     require(structure.setup.built is None, "the setup has a shape as built. Begin with the drawing.", DataError)
-    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
-    require(not bad.size, f"point {bad[:1] + 1} of the survey has no three numbers. Write them, or remove it.", DataError)
+    bad = next(iter(np.flatnonzero(~np.isfinite(points).all(axis=1)).tolist()), None)
+    require(bad is None, f"point {(bad or 0) + 1} of the survey has no three numbers. Write them, or remove it.", DataError)
     msg = f"a survey of {len(points)} points tells no shape. Measure {FEWEST} or more, all over the surface."
     require(len(points) >= FEWEST, msg, DataError)
     mesh = structure.mesh

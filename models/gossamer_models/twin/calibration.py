@@ -190,7 +190,8 @@ def _check_drawing(known: KnownNumbers, structure: Structure) -> None:
 def drawing_of(structure: Structure) -> str:
     """Return a digest of what a structure is drawn of, whatever its mesh and its sensors are."""
     setup = structure.setup
-    return hashlib.sha256(repr((setup.regions, setup.supports, setup.edges, setup.gas)).encode()).hexdigest()[:16]
+    drawn = (setup.regions, setup.supports, setup.edges, setup.gas, *([setup.built] if setup.built else []))
+    return hashlib.sha256(repr(drawn).encode()).hexdigest()[:16]
 
 
 def with_factors(structure: Structure, names: Sequence[str]) -> Structure:

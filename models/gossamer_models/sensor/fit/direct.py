@@ -24,6 +24,7 @@ MOST_SAMPLES = 3000  # to train on
 INSIDE = 0.95  # of the errors on later parts are within 1.96 deviations
 FLOOR = 0.5  # of the root mean square error there
 LEAST = 1e-4  # [1] of a floor
+FEWEST = 10  # samples by which a deviation is calibrated
 GROWTH = (1.4, 2.0)  # least and largest growth of errors from these later parts to what lies further ahead
 
 
@@ -75,6 +76,7 @@ def fit_direct(
         told = [recovered(found, each) - np.outer(each.strain / full_scale, (1.0, 0.0, 0.0)) for each in records]
         parts.append(np.vstack([each[rows] for each, rows in zip(told, late, strict=True)]))
     parts = [part[np.isfinite(part[:, 0])] for part in parts]
+    require(min(map(len, parts)) >= FEWEST, too_few(delay), DataError)
     sizes = [float(np.sqrt(np.mean(part[:, 0] ** 2))) for part in parts]
     error, scatter, outside = np.vstack(parts).T
     floor = max(FLOOR * float(np.sqrt(np.mean(error**2))), LEAST)
@@ -88,11 +90,24 @@ def recovered(inverse: DirectInverse, record: Record) -> Matrix:
 
     The range of the inverse is in the units of the record. The delay is taken back: the last rows are not a number.
     """
-    law, delay = DirectLaw(inverse), max(inverse.ahead, default=0)
-    features = memory(law, record.resistance, record.time).T
-    x = ca.MX.sym("x", features.shape[0])
-    told = np.vstack([each.full() for each in ca.Function("read", [x], [*law.earlier(x)])(features)]).T
-    return np.vstack([told[delay:], np.full((min(delay, len(told)), 3), np.nan)])
+    law = DirectLaw(inverse)
+    *features, delay = _memory(law, record).T
+    x = ca.MX.sym("x", len(features))
+    told = [each.full()[0] for each in ca.Function("read", [x], [*law.earlier(x)])(np.array(features))]
+    meant = record.time - delay
+    kept = np.diff(meant, prepend=-np.inf) > 0.0
+    return np.column_stack([np.interp(record.time, meant[kept], each[kept], right=np.nan) for each in told])
+
+
+def too_few(delay: int) -> str:
+    """Say that a training stretch is too short for a delay [samples]."""
+    few = f"the training stretch has too few samples for a strain that is {delay} samples late"
+    return f"{few}. Name a longer one ({option('train')})."
+
+
+def _memory(law: DirectLaw, record: Record) -> Matrix:
+    """Return the features of a direct inverse and its delay [s] at the samples of a record, shape (m, F + 1)."""
+    return memory(law, record.resistance, record.time, lambda state: ca.vertcat(law.features(state), state.delay))
 
 
 def _trained(records: Sequence[Record], train: Sequence[Rows], full_scale: float, delay: int, seed: int) -> DirectInverse:
@@ -116,20 +131,23 @@ def _trained(records: Sequence[Record], train: Sequence[Rows], full_scale: float
             step=max(CLOSER[0] * shortest, CLOSER[1] * step) if ahead else 0.0,
         )
     )
-    features = [memory(law, record.resistance, record.time) for record, _ in used]
+    features = [_memory(law, record) for record, _ in used]
     n = 1 + len(WIDTHS) + LOW_PASSES
     every = max(1, sum(int(rows.sum()) for _, rows in used) // MOST_SAMPLES)
 
     def networks(columns: slice, late: int) -> tuple[Perceptron, ...]:
-        """Train on the strain that is so many samples old."""
-        seen = [each[:, columns] for each in features]
-        strains = [np.roll(record.strain, late) / full_scale - 0.5 for record, _ in used]
-        some = [_every(rows & np.roll(rows, late) & (np.arange(rows.size) >= late), every) for _, rows in used]
-        few = f"the training stretch has too few samples for a strain that is {late} samples late"
-        require(any(each.any() for each in some), f"{few}. Name a longer one ({option('train')}).", DataError)
+        """Train on the strain as late as the memory is, by so many samples, or on the present one."""
+        meant = [record.time - (each[:, -1] if late else 0.0) for (record, _), each in zip(used, features, strict=True)]
+        strains = [np.interp(t, r.time, r.strain) / full_scale - 0.5 for t, (r, _) in zip(meant, used, strict=True)]
+        some = [
+            rows & rows[np.searchsorted(r.time, t)] & (np.arange(rows.size) >= late)
+            for t, (r, rows) in zip(meant, used, strict=True)
+        ]
+        require(any(each.any() for each in some), too_few(late), DataError)
+        seen, some = [each[:, columns] for each in features], [_every(each, every) for each in some]
         return tuple(train_network(seen, strains, some, STEPS, decay=DECAY, seed=seed + k) for k in range(NETWORKS))
 
-    later = networks(slice(n, None), ahead[-1]) if ahead else ()
+    later = networks(slice(n, -1), ahead[-1]) if ahead else ()
     return replace(law.inverse, networks=networks(slice(n), 0), later=later)
 
 

@@ -27,12 +27,7 @@ def cycles(times: Sequence[Vector], strains: Sequence[Vector]) -> tuple[Vector, 
 
 
 def settled_range(sensor: SensorArtifact, regression: Regression) -> float:
-    """Return the range of the normalised output [1] over cycles within all strain, from rest.
-
-    Where not all strain is fitted, it is less in proportion: an output that grows with strain is no sign of memory.
-    """
-    stretches = regression.stretches
-    time, strain = cycles([s.record.time for s in stretches], [s.strain for s in stretches])
-    output = normalised_output(sensor, time, strain, *switched(strain, sensor.n_lines))
-    fitted = np.concatenate([s.strain[s.train] for s in stretches])
-    return float(np.ptp(output) * np.ptp(fitted) / np.ptp(strain))
+    """Return the range of the normalised output [1] over cycles within all fitted strain, from rest."""
+    fitted = [s for s in regression.stretches if s.train.any()]
+    time, strain = cycles([s.record.time[s.train] for s in fitted], [s.strain[s.train] for s in fitted])
+    return float(np.ptp(normalised_output(sensor, time, strain, *switched(strain, sensor.n_lines))))

@@ -34,14 +34,18 @@ def features_of(artifact: SensorArtifact, record: Record, full_scale: float) -> 
     return memory(SensorLaw(artifact), np.clip(record.strain / full_scale, 0.0, 1.0), record.time)
 
 
-def memory(law: SensorLaw | DirectLaw, values: Vector, time: Vector) -> Matrix:
-    """Return the features of a law, shape (m, F), whose strain or output [1] has values at some times [s], from rest."""
+def memory(law: SensorLaw | DirectLaw, values: Vector, time: Vector, seen: Callable[[Any], ca.MX] | None = None) -> Matrix:
+    """Return the features of a law, shape (m, F), whose strain or output [1] has values at some times [s], from rest.
+
+    ``seen`` takes something else from a state.
+    """
     which: Any = law
+    seen = seen or which.features
     rest = which.rest(ca.MX(float(values[0])))
     x, s, h = ca.MX.sym("x", pack(rest).numel()), ca.MX.sym("s"), ca.MX.sym("h")
     state = which.advance(unpack(rest, x), s, h)
-    step = ca.Function("step", [x, s, h], [pack(state), which.features(state)])
-    first = ca.Function("first", [], [pack(rest), which.features(rest)])()
+    step = ca.Function("step", [x, s, h], [pack(state), seen(state)])
+    first = ca.Function("first", [], [pack(rest), seen(rest)])()
     many, at, found = step.mapaccum("many", AT_ONCE), first["o0"], [first["o1"]]
     for k in range(1, values.size, AT_ONCE):
         part = np.minimum(np.arange(k, k + AT_ONCE), values.size - 1)  # the last place stands for those after the end
