@@ -113,8 +113,8 @@ def exact_model(artifact: SensorArtifact) -> StepModel:
     """
     if not artifact.exactly_invertible:
         msg = (
-            "the output of this sensor may move against the strain, has a gain or a residual network, so it has no exact "
-            f"inverse. {TAKE_THE_FILTER} Or identify the sensor again with {option('direct_inverse', True)}."
+            "the output of this sensor may move against the strain, has a gain, fades with movement or has a network, so it has "
+            f"no exact inverse. {TAKE_THE_FILTER} Or identify the sensor again with {option('direct_inverse', True)}."
         )
         raise ParameterError(msg)
     law = SensorLaw(artifact)
