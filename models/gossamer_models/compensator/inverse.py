@@ -113,7 +113,7 @@ def exact_model(artifact: SensorArtifact) -> StepModel:
     """
     if not artifact.exactly_invertible:
         msg = (
-            "the output of this sensor may move against the strain, has a gain, fades with movement or has a network, so it has "
+            "the output of this sensor may move against the strain, has a gain, a network or a memory that fades, so it has "
             f"no exact inverse. {TAKE_THE_FILTER} Or identify the sensor again with {option('direct_inverse', True)}."
         )
         raise ParameterError(msg)
