@@ -121,14 +121,13 @@ def default_row(
     seconds = time.monotonic() - begin
     found = recover_by_fit(chosen.fit, record)
     R, strain, test = record.resistance, record.strain, ~train
-    late = round(found.delay / float(np.median(np.diff(record.time))))
     ratio = None
     if found.deviation is not None:
         ratio = float(np.sqrt(np.mean((found.strain - strain)[test] ** 2) / np.mean(found.deviation[test] ** 2)))
 
     def errors(ours: NDArray[np.float64], u: NDArray[np.float64], y: NDArray[np.float64]) -> dict[str, float]:
         of = (record,), (u,), (y,), (train,)
-        delay = late if y is strain else 0
+        delay = found.late(record) if y is strain else 0
         (static,), (moving,) = networks(*of, delay)
         models = {"defaults": ours, "cubic": cubic(*of[1:])[0], "ridge on lags": regression(*of, delay)[0]}
         models |= {"perceptron 32-16": static, "recurrent network of 12": moving}

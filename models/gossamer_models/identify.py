@@ -300,10 +300,9 @@ def _delayed(found: Recovered, record: Record) -> str:
     """Say by how much the strain that a compensator recovers is delayed, and how large its error is without."""
     if not found.delay:
         return ""
-    late = round(found.delay / float(np.median(np.diff(record.time))))
     now = nrmse(record.strain, found.present, float(np.ptp(record.strain)))
     return (
-        f"{record.name}: strain is recovered {late} samples late, {found.delay:.3g} s. Without delay, as "
+        f"{record.name}: strain is recovered {found.late(record)} samples late, {found.delay:.3g} s. Without delay, as "
         f"present_strain, its error over the record is {now:.2f} % of range."
     )
 

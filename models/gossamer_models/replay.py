@@ -11,7 +11,7 @@ from gossamer_files import replacing
 from .arrays import Rows, Vector
 from .compensator import compensator_model
 from .errors import DataError
-from .fitting.records import Record, noise_of
+from .fitting.records import Record, noise_of, without_delay
 from .sensor import SensorArtifact, sensor_model
 from .sensor.fit import PreisachFit
 from .step_model import StepModel
@@ -45,6 +45,10 @@ class Recovered:
     present: Vector
     deviation: Vector | None = None
     delay: float = 0.0
+
+    def late(self, record: Record) -> int:
+        """Return the delay in samples of the record."""
+        return round(self.delay / float(np.median(np.diff(record.time))))
 
 
 def clipped_strain(record: Record, recovered: Recovered, full_scale: float, rows: Rows) -> str:
@@ -175,16 +179,10 @@ def recover(
         deviation = None
     if "delay" not in results:
         return Recovered(strain=strain, present=strain, deviation=deviation)
-    meant = record.time - results["delay"]
-    kept = np.flatnonzero(np.diff(meant, prepend=-np.inf) > 0.0)
-
-    def at_record(values: Vector) -> Vector:
-        return np.asarray(np.interp(record.time, meant[kept], values[kept], right=np.nan))
-
     return Recovered(
-        strain=at_record(strain),
+        strain=without_delay(record.time, results["delay"], strain),
         present=results["present_strain"],
-        deviation=None if deviation is None else at_record(deviation),
+        deviation=None if deviation is None else without_delay(record.time, results["delay"], deviation),
         delay=float(results["delay"][-1]),
     )
 

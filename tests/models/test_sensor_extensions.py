@@ -13,7 +13,7 @@ from gossamer_models.identify import identify_files, settings_for
 from gossamer_models.replay import predict_resistance, recover_by_fit
 from gossamer_models.self_test import cycled_doubt, cycled_range
 from gossamer_models.sensor import DirectInverse, RelaxationTerm, SensorArtifact, default_artifact, sensor_model
-from gossamer_models.sensor.artifact import MARGIN, Perceptron
+from gossamer_models.sensor.artifact import MARGIN, SmallNetwork
 from gossamer_models.sensor.drives import FALLING, GAIN, Drive
 from gossamer_models.sensor.fit import fit_preisach
 from gossamer_models.sensor.fit.networks import choose_steps, corrections, train
@@ -79,7 +79,7 @@ def test_an_extended_artifact_is_read_back(tmp_path):
     path = tmp_path / "sensor.json"
     default_artifact().write(path)
     assert '"version": 1' in path.read_text()
-    net = Perceptron(lowest=(0.0,) * 3, highest=(1.0,) * 3, hidden=((0.1,) * 3,), bias=(0.0,), out=(0.5,), bound=0.5)
+    net = SmallNetwork(lowest=(0.0,) * 3, highest=(1.0,) * 3, hidden=((0.1,) * 3,), bias=(0.0,), out=(0.5,), bound=0.5)
     inverse = DirectInverse(lowest=0.0, highest=1.0, widths=(0.1,), times=(2.0,), networks=(net,), factor=1.4, floor=0.01)
     term = replace(default_artifact().relaxation[0], amplitude=-0.01, drive="falling", signed=True)
     extended = replace(default_artifact(), relaxation=(term,), inverse=inverse, fading=0.5)
@@ -326,7 +326,7 @@ def test_an_artifact_keeps_its_network_and_only_compensators_that_need_no_invers
 
 def small(features):
     n = features - 1
-    return Perceptron(
+    return SmallNetwork(
         lowest=(0.0,) * n, highest=(1.0,) * n, hidden=((0.1,) * n,) * 2, bias=(0.0, 0.1), out=(0.01, -0.01), bound=0.02
     )
 

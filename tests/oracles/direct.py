@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 from gossamer_models.sensor import DirectInverse
-from gossamer_models.sensor.artifact import Perceptron
+from gossamer_models.sensor.artifact import SmallNetwork
 
 WIDTHS, TIMES = (0.05, 0.3), (0.2, 3.0)
 
@@ -12,7 +12,7 @@ WIDTHS, TIMES = (0.05, 0.3), (0.2, 3.0)
 def network(features, seed):
     """Return a network of four units with random weights, whose features were between -1 and 1 in training."""
     rng = np.random.default_rng(seed)
-    return Perceptron(
+    return SmallNetwork(
         lowest=(-1.0,) * features,
         highest=(1.0,) * features,
         hidden=tuple(map(tuple, rng.normal(size=(4, features)).tolist())),

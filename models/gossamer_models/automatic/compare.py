@@ -50,7 +50,8 @@ def networks(
     inputs = [(each - low[0]) / size[0] for each in inputs]
     wanted = [np.roll((each - low[1]) / size[1], late) for each in outputs]
     rows = [_known(each, late) for each in train]
-    X = [features_of(r.time, u, _times(records, train), late) for r, u in zip(records, inputs, strict=True)]
+    times = _times(records, train)
+    X = [features_of(r.time, u, times, late) for r, u in zip(records, inputs, strict=True)]
 
     def trained(values: Sequence[Vector]) -> Vector:
         return np.concatenate([each[known] for each, known in zip(values, rows, strict=True)])
@@ -157,8 +158,7 @@ def standings(
         return ()
     R, strain = [r.resistance for r in records], [r.strain for r in records]
     own = [k for k, rows in enumerate(train) if rows.any()]
-    steps = [float(np.median(np.diff(r.time))) for r in records]
-    late = max((round(found.delay / step) for found, step in zip(recovered, steps, strict=False)), default=0)
+    late = max((found.late(record) for found, record in zip(recovered, records, strict=False)), default=0)
 
     def fitted(u: list[Vector], y: list[Vector], late: int) -> dict[str, dict[int, Vector]]:
         parts = [records[k] for k in own], [u[k] for k in own], [y[k] for k in own], [train[k] for k in own]

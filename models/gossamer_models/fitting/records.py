@@ -377,3 +377,10 @@ def until_the_end_of_training(
     """Return the records that are trained on, up to their last training samples: nothing sees what comes later."""
     ends = {k: int(np.flatnonzero(rows)[-1]) + 1 for k, rows in enumerate(train) if rows.any()}
     return tuple(records[k].at(np.arange(end)) for k, end in ends.items()), tuple(train[k][:end] for k, end in ends.items())
+
+
+def without_delay(time: Vector, delay: Vector, values: Vector) -> Vector:
+    """Return values that are late [s] at the times [s] that they are of; not a number where none is delivered."""
+    meant = time - delay
+    kept = np.diff(meant, prepend=-np.inf) > 0.0
+    return np.asarray(np.interp(time, meant[kept], values[kept], right=np.nan))

@@ -114,7 +114,7 @@ DEFAULT_TRACKING = Tracking(output=ErrorModel(white=3e-3, slow=5e-3, time=10.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Perceptron:
+class SmallNetwork:
     """Weights of a network with one hidden layer.
 
     Attributes
@@ -204,7 +204,7 @@ class SensorArtifact:
         negative (extension); 0 in the thesis.
     inverse : DirectInverse or None
         Direct inverse from output to strain, where one was identified (extension); None for the exact inverse.
-    residual : Perceptron or None
+    residual : SmallNetwork or None
         It corrects the output (extension); such a sensor has no exact inverse.
     tracking : Tracking or None
         Numbers of the filter of strain, where they were identified; None for ``DEFAULT_TRACKING``.
@@ -232,7 +232,7 @@ class SensorArtifact:
     relaxation: tuple[RelaxationTerm, ...] = ()
     fading: float = 0.0
     inverse: DirectInverse | None = None
-    residual: Perceptron | None = None
+    residual: SmallNetwork | None = None
     tracking: Tracking | None = None
     compensator: str | None = None
     scales: Scales | None = None
@@ -307,13 +307,13 @@ class DirectInverse:
         Normalised outputs [1] of training: between them the output counts from 0 to 1.
     widths, times : tuple of float
         Half widths of the plays [1], times of the low-passes [s].
-    networks : tuple of Perceptron
+    networks : tuple of SmallNetwork
         Each gives the present normalised strain [1] less one half; their mean counts. Empty before they are trained.
     ahead : tuple of int
         How many samples later than a strain the outputs are that tell it, increasing; empty for none.
     step : float
         Samples of ``ahead`` are no closer than this [s].
-    later : tuple of Perceptron
+    later : tuple of SmallNetwork
         Give the strain that is as old as the last of ``ahead``.
     factor, floor : float
         Of the stated deviation, see ``DirectLaw.deviation`` [1]; both 0 where it was not calibrated.
@@ -323,10 +323,10 @@ class DirectInverse:
     highest: float
     widths: tuple[float, ...]
     times: tuple[float, ...]
-    networks: tuple[Perceptron, ...] = ()
+    networks: tuple[SmallNetwork, ...] = ()
     ahead: tuple[int, ...] = ()
     step: float = 0.0
-    later: tuple[Perceptron, ...] = ()
+    later: tuple[SmallNetwork, ...] = ()
     factor: float = 0.0
     floor: float = 0.0
 

@@ -21,7 +21,7 @@ import casadi as ca
 
 from ..modes import phi_1
 from ..variables import select
-from .artifact import DirectInverse, Perceptron
+from .artifact import DirectInverse, SmallNetwork
 from .model import clip
 
 ENOUGH = 1.0 - 1e-6  # of a step
@@ -130,6 +130,7 @@ class DirectLaw:
     def __init__(self, inverse: DirectInverse) -> None:
         self.inverse = inverse
         self._widths, self._times = ca.DM(inverse.widths), ca.DM(inverse.times)
+        self._features = 1 + len(inverse.widths) + len(inverse.times)  # of a memory
         self._kept = inverse.ahead[-1] + 1 if inverse.ahead else 0
 
     def place(self, y: ca.MX) -> ca.MX:
@@ -175,14 +176,13 @@ class DirectLaw:
 
         d is the distance by which features leave their range in training, in halves of it.
         """
-        n = 1 + self._widths.numel() + self._times.numel()
-        return _read(self.inverse.networks, features[:n])
+        return _read(self.inverse.networks, features[: self._features])
 
     def earlier(self, features: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
         """Return the same of the strain that is delivered: the present one where the inverse does not look ahead."""
         if not self._kept:
             return self.present(features)
-        return _read(self.inverse.later, features[1 + self._widths.numel() + self._times.numel() :])
+        return _read(self.inverse.later, features[self._features :])
 
     def deviation(self, scatter: ca.MX, outside: ca.MX) -> ca.MX:
         r"""Return the standard deviation of the normalised strain [1] from what ``earlier`` returns.
@@ -200,7 +200,7 @@ class DirectLaw:
         return Memory(plays, memory.low.advance(u, self._times, h))
 
 
-def _read(networks: tuple[Perceptron, ...], features: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
+def _read(networks: tuple[SmallNetwork, ...], features: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
     X = networks[0].place(features)  # all were trained on the same samples
     within = ca.fmin(ca.fmax(X, -1.0), 1.0)
     values = ca.vertcat(*(each.value(within) for each in networks))

@@ -198,7 +198,7 @@ class SensorLaw:
         Weights [1] of up- and down-switching.
     bank, gains : ModeBank
         Relaxation modes that are added to the output, and those that are multiplied by the strain.
-    residual : Perceptron or None
+    residual : SmallNetwork or None
         Network that corrects the output (extension).
     """
 

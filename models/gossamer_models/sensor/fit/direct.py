@@ -9,8 +9,8 @@ from gossamer_files.options import option
 
 from ...arrays import Matrix, Rows
 from ...errors import DataError, require
-from ...fitting.records import FITTED, Record, cut, until_the_end_of_training
-from ..artifact import DirectInverse, Perceptron
+from ...fitting.records import FITTED, Record, cut, until_the_end_of_training, without_delay
+from ..artifact import DirectInverse, SmallNetwork
 from ..direct import OUTSIDE, DirectLaw
 from .networks import memory
 from .networks import train as train_network
@@ -94,9 +94,7 @@ def recovered(inverse: DirectInverse, record: Record) -> Matrix:
     *features, delay = _memory(law, record).T
     x = ca.MX.sym("x", len(features))
     told = [each.full()[0] for each in ca.Function("read", [x], [*law.earlier(x)])(np.array(features))]
-    meant = record.time - delay
-    kept = np.diff(meant, prepend=-np.inf) > 0.0
-    return np.column_stack([np.interp(record.time, meant[kept], each[kept], right=np.nan) for each in told])
+    return np.column_stack([without_delay(record.time, delay, each) for each in told])
 
 
 def too_few(delay: int) -> str:
@@ -135,7 +133,7 @@ def _trained(records: Sequence[Record], train: Sequence[Rows], full_scale: float
     n = 1 + len(WIDTHS) + LOW_PASSES
     every = max(1, sum(int(rows.sum()) for _, rows in used) // MOST_SAMPLES)
 
-    def networks(columns: slice, late: int) -> tuple[Perceptron, ...]:
+    def networks(columns: slice, late: int) -> tuple[SmallNetwork, ...]:
         """Train on the strain as late as the memory is, by so many samples, or on the present one."""
         meant = [record.time - (each[:, -1] if late else 0.0) for (record, _), each in zip(used, features, strict=True)]
         strains = [np.interp(t, r.time, r.strain) / full_scale - 0.5 for t, (r, _) in zip(meant, used, strict=True)]

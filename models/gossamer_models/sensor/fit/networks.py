@@ -1,6 +1,6 @@
 r"""Training of the small networks of a sensor: on what it leaves over, and for its direct inverse.
 
-Symbols: ``X`` features over their range [1], ``r`` target [1], ``B`` bound; the parameters are those of ``Perceptron`` in
+Symbols: ``X`` features over their range [1], ``r`` target [1], ``B`` bound; the parameters are those of ``SmallNetwork`` in
 one vector. The training of a residual network stops early: after as many iterations as predict the later parts of the
 training stretch best.
 """
@@ -16,7 +16,7 @@ from scipy.optimize import minimize
 from ...arrays import Matrix, Rows, Vector
 from ...fitting.records import Record
 from ...variables import pack, unpack
-from ..artifact import Perceptron, SensorArtifact
+from ..artifact import SensorArtifact, SmallNetwork
 from ..direct import DirectLaw
 from ..law import SensorLaw
 
@@ -63,8 +63,8 @@ def train(
     *,
     decay: float = DECAY,
     seed: int = 0,
-    watch: Callable[[Perceptron], None] | None = None,
-) -> Perceptron:
+    watch: Callable[[SmallNetwork], None] | None = None,
+) -> SmallNetwork:
     """Train a network on some samples of some records.
 
     Parameters
@@ -84,7 +84,7 @@ def train(
 
     Returns
     -------
-    Perceptron
+    SmallNetwork
         The network.
     """
     F = np.vstack([f[k] for f, k in zip(features, rows, strict=True)])
@@ -110,10 +110,10 @@ def train(
         slope = np.concatenate([(hidden.T @ X).ravel(), hidden.sum(axis=0), (a.T @ back) * bound])
         return float(np.mean(off**2)) / size + decay * float(p @ p), slope + 2.0 * decay * p
 
-    def network(p: Vector) -> Perceptron:
+    def network(p: Vector) -> SmallNetwork:
         W, c, w = split(p)
         rows_of = tuple(map(tuple, W.tolist()))
-        return Perceptron(
+        return SmallNetwork(
             lowest=tuple(low.tolist()),
             highest=tuple(high.tolist()),
             hidden=rows_of,
@@ -127,7 +127,7 @@ def train(
     return network(found.x)
 
 
-def corrections(residual: Perceptron, features: Matrix) -> Vector:
+def corrections(residual: SmallNetwork, features: Matrix) -> Vector:
     """Return the corrections [1], shape (m,), of features, shape (m, F)."""
     x = ca.MX.sym("x", features.shape[1], features.shape[0])
     function = ca.Function("corrections", [x], [residual.correction(x)])
@@ -150,7 +150,7 @@ def choose_steps(
     curves = []
     for features, remaining, fitted, held in cuts:
 
-        def error(residual: Perceptron | None) -> float:
+        def error(residual: SmallNetwork | None) -> float:
             squares = [
                 (e[k] - (0.0 if residual is None else corrections(residual, f[k]))) ** 2
                 for f, e, k in zip(features, remaining, held, strict=True)  # noqa: B023
@@ -160,7 +160,7 @@ def choose_steps(
 
         curve, taken = [error(None)], count(1)
 
-        def watch(network: Perceptron) -> None:
+        def watch(network: SmallNetwork) -> None:
             if next(taken) % LOOK == 0:  # noqa: B023
                 curve.append(error(network))  # noqa: B023
 
