@@ -37,18 +37,27 @@ TINY = campaigns.CampaignPlan(
     noise=campaigns.MeasurementNoise(strain=campaigns.Distribution(uniform=(0.0, 0.02))),
 )
 SCRIPT = """
+import functools
 import signal
 import sys
 import time
 from pathlib import Path
 from campaign_under_test import TINY
-from gossamer_models.campaign import run_campaign
+from gossamer_models.campaign import run
+
+write_chunk = run.write_chunk
+
+@functools.wraps(write_chunk)
+def slowed(task, chunk):  # in every worker: the second half takes ten seconds, so that there is time to interrupt it
+    if chunk >= TINY.chunks // 2:
+        time.sleep(1.0)
+    return write_chunk(task, chunk)
+
+run.write_chunk = slowed
 
 if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.default_int_handler)  # what runs in the background of a shell ignores it
-    scheduler = sys.argv[2] if len(sys.argv) > 2 else None
-    slow = lambda done, total: time.sleep(0.05)  # so that there is time to interrupt it
-    run_campaign(TINY, Path(sys.argv[1]), workers=2, scheduler=scheduler, progress=slow)
+    run.run_campaign(TINY, Path(sys.argv[1]), workers=2)
 """
 
 
