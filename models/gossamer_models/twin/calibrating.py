@@ -31,7 +31,7 @@ from .twin import Twin
 
 PRIORS = {name: SCALES[name][1] for name in NUMBERS} | {"modulus": 0.05, GAINS: GAIN}  # deviations of logarithms, of gains
 PLACE, MISPLACED, MOST_MISPLACED = "place", 0.002, 0.05  # of sensors: deviation by default, and at most, shares of the size
-ROUNDS = 3  # of simulations on a finer mesh
+ROUNDS, SETTLED = 8, 0.1  # of simulations on a finer mesh; a round that moves less, in chi2, is the last
 UNTOLD = 0.5  # of the prior's variance: a combination of numbers with more left is not decided
 NAMED = 0.3  # share of such a combination that is named
 HEALTHY = 1e-4  # chance that some zone of healthy records seems damaged
@@ -153,8 +153,11 @@ def calibrate(
             finer = joint.corrected(found.point.x, healthy, twin.finer)
             if finer is None:
                 break
-            joint = finer
+            joint, before_it = finer, found.point.x[healthy]
             found = descend(joint, found.point.x, healthy)
+            moved = found.point.x[healthy] - before_it
+            if moved @ found.model.A @ moved < SETTLED:
+                break
         coarse = [k for k, problem in enumerate(joint.problems, 1) if problem.added is None] if mesh_error else []
         text = "no finer elements were simulated for record {}: what they would change is not known, or nothing"
         return _told(joint, found, before, twin, [text.format(k) for k in coarse])

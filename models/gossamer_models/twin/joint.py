@@ -7,14 +7,14 @@ damages of the last inspection, in units of their deviations, then what each rec
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from copy import copy
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Matrix, Rows, Vector
-from .forward import Forward
+from .forward import WORKERS, Forward
 from .least_squares import LeastSquares, Point
 from .nuisances import BEYOND, LASTING, MODULUS, SCALES, number_of, root_of
 from .problem import RecordProblem
@@ -73,7 +73,8 @@ class JointProblem(LeastSquares):
         groups: NDArray[np.int64] | None = None,
         before: Before | None = None,
     ) -> None:
-        self.problems, self.before, self.model = tuple(problems), before, problems[0].model
+        self.problems, self.before = tuple(problem.central(STEP) for problem in problems), before
+        self.model = problems[0].model
         self.shared = tuple(shared)
         all_zones = len(self.model.zones)
         self.groups = np.arange(all_zones) if groups is None else groups
@@ -149,11 +150,13 @@ class JointProblem(LeastSquares):
 
     def predict(self, x: Matrix) -> Matrix:
         """Return weighed predictions of all records, shape (m, 1, values)."""
-        found = []
-        for k, problem in enumerate(self.problems):
-            rows = self.rows(k, x)
-            found.append(problem.weigh(problem.predict(rows), rows))
-        return np.concatenate(found, axis=1)[:, None]
+        with ThreadPoolExecutor(WORKERS) as pool:
+            found = pool.map(lambda k: self._weighed(k, x), range(len(self.problems)))
+            return np.concatenate(list(found), axis=1)[:, None]
+
+    def _weighed(self, k: int, x: Matrix) -> Matrix:
+        problem, rows = self.problems[k], self.rows(k, x)
+        return problem.weigh(problem.predict(rows), rows)
 
     def weigh(self, predicted: Matrix, x: Matrix) -> Matrix:  # noqa: ARG002
         """Return what was weighed, shape (m, values)."""
@@ -165,11 +168,7 @@ class JointProblem(LeastSquares):
         for k, problem in enumerate(self.problems):
             matrix = self.maps[k][1][:, free]
             moving = np.asarray(matrix.any(axis=1))
-            mine, (forward, backward) = self.point(k, point.x), _both_ways(problem)
-            J, beside = forward.derivatives(mine, moving), moving & (np.arange(problem.size) >= problem.zones)
-            own = beside[moving]
-            J[:, own] = (J[:, own] + backward.derivatives(mine, beside)) / 2.0
-            found.append(J @ matrix[moving])
+            found.append(problem.derivatives(self.point(k, point.x), moving) @ matrix[moving])
         return np.concatenate(found)
 
     def chi2_of_records(self, point: Point) -> list[float]:
@@ -201,20 +200,8 @@ class JointProblem(LeastSquares):
             if mesh is None:
                 found.append(problem)
                 continue
-            mine = self.point(k, x)
             of_record = np.flatnonzero(self.maps[k][1][: problem.simulated, moving].any(axis=1))
-            forward, backward = _both_ways(problem)
-            beside = of_record[of_record >= problem.zones]
-            one = forward.corrected(mesh[0], mine, of_record, mesh[1])
-            found.append(one.averaged(backward.corrected(mesh[0], mine, beside, mesh[1])))
+            found.append(problem.corrected(mesh[0], self.point(k, x), of_record, mesh[1]))
         if all(problem.added is None for problem in found):
             return None
         return JointProblem(found, self.shared, self.groups, self.before)
-
-
-def _both_ways(problem: RecordProblem) -> list[RecordProblem]:
-    """Return a problem with differences by its nuisances forwards, and backwards."""
-    found = [copy(problem), copy(problem)]
-    for each, step in zip(found, (STEP, -STEP), strict=True):
-        each.steps = np.where(np.arange(problem.size) < problem.zones, problem.steps, step)
-    return found

@@ -6,11 +6,12 @@ Symbols: ``x`` unknowns, first the damages [1], then the nuisances in units of t
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from copy import copy
 from dataclasses import replace
 from itertools import compress
 from threading import Lock
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,6 +85,7 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         self._zero, self._scale = sensed.scale(record.kind)
         self._made, self._report, self._counting = [0], report, Lock()  # simulations, those of all copies together
         self._known: dict[bytes, tuple[Matrix, Matrix]] = {}
+        self._of_mesh: dict[bytes, Matrix] = {}
         self.noise, self._splines, self.sensor_error = noise, None, None
         self.added: Added | None = None
         self.components = self._causes = np.zeros((0, *record.values.shape))
@@ -135,29 +137,39 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         ConvergenceError
             The finer mesh fails there.
         """
-        other, own = copy(self), copy(self)
-        other.model, other.added, own.added = finer, None, None
-        rows, steps = neighbours(point.x, moving, self.steps[moving], self.high)
+        other = copy(self)
+        other.model, other._of_mesh = finer, {}
+        rows, steps = (np.concatenate(parts) for parts in zip(*self._ways(point.x, moving), strict=True))
         rows = np.vstack([point.x, rows])
-        more = require_finite(other._strain(rows) - own._strain(rows))
-        added = Added(more[0], point.x, moving, (more[1:] - more[0]) / steps[:, None, None])
+        more = require_finite(other._on_mesh(rows) - self._on_mesh(rows))
+        added = Added(more[0], point.x, moving, self._mean((more[1:] - more[0]) / steps[:, None, None], moving))
         return self._with(added=added, components=self._of_record(components), _known={})
+
+    def central(self, step: float) -> RecordProblem:
+        """Return the problem with central differences by its nuisances, of a step in units of their priors."""
+        steps = np.where(np.arange(self.size) < self.zones, self.steps, step)
+        return self._with(steps=steps, is_central=True)
+
+    def _ways(self, x: Vector, places: NDArray[np.int64]) -> list[tuple[Matrix, Vector]]:
+        """Return rows with one unknown moved in each, and the moves; then backwards, where differences are central."""
+        both = places[places >= self.zones] if self.is_central else places[:0]
+        ways = ((places, self.steps[places]), (both, -self.steps[both]))
+        return [neighbours(x, which, steps, self.high) for which, steps in ways]
+
+    def _mean(self, slopes: Matrix, places: NDArray[np.int64]) -> Matrix:
+        """Return derivatives by unknowns from those by differences of both ways, one after another."""
+        found, backwards = slopes[: places.size].copy(), slopes[places.size :]
+        own = slice(places.size - len(backwards), None)  # nuisances are the last ones
+        found[own] = (found[own] + backwards) / 2.0
+        return found
 
     def under_loads(self, loads: Loads) -> RecordProblem:
         """Return the problem of a record under other loads, of the same length and noise."""
-        return self._with(nuisances=replace(self.nuisances, loads=loads), added=None, _known={})
+        return self._with(nuisances=replace(self.nuisances, loads=loads), added=None, _known={}, _of_mesh={})
 
     def placed(self, slopes: Matrix) -> RecordProblem:
         """Return the problem with what places of sensors change, shape (2, s, n or more), see ``Nuisances``."""
         return self._with(nuisances=replace(self.nuisances, slopes=slopes))
-
-    def averaged(self, other: RecordProblem) -> RecordProblem:
-        """Return the problem with the mean of what a finer mesh adds by the unknowns of another one about the same point."""
-        if self.added is None or other.added is None:
-            return self
-        slopes, at = self.added.slopes.copy(), np.searchsorted(self.added.moving, other.added.moving)
-        slopes[at] = (slopes[at] + other.added.slopes) / 2.0
-        return self._with(added=replace(self.added, slopes=slopes), _known={})
 
     def without_mesh_error(self) -> RecordProblem:
         """Return the problem of a record that the mesh of the twin has made."""
@@ -227,6 +239,7 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         return self._weights.log_determinant + 2.0 * float(sizes[seen] @ np.log(self.noise[seen]))
 
     before = None  # damages of a last inspection: those of ``JointProblem`` alone
+    is_central = False  # differences by nuisances
 
     @property
     def parts(self) -> tuple[tuple[RecordProblem, slice, str], ...]:
@@ -274,6 +287,17 @@ class RecordProblem(DamageUnknowns, LeastSquares):
 
     def derivatives(self, point: Point, free: Rows) -> Matrix:
         """Return the derivatives of the weighed predictions; of equilibria by the damages from the tangent there."""
+        if self.is_central:
+            simulated = np.flatnonzero(free[: self.simulated])
+            if simulated.size and not isinstance(self.record, StaticRecord):  # all at once
+                self.predict(np.vstack([rows for rows, _ in self._ways(point.x, simulated)]))
+            backward = copy(self)
+            backward.steps, beside = -self.steps, free & (np.arange(self.size) >= self.zones)
+            ways = [self._one_way(point, free), backward._one_way(point, beside)]
+            return self._mean(np.hstack(ways).T, np.flatnonzero(free)).T
+        return self._one_way(point, free)
+
+    def _one_way(self, point: Point, free: Rows) -> Matrix:
         if not isinstance(self.record, StaticRecord):
             return super().derivatives(point, free)
         zones = np.flatnonzero(free[: self.zones])
@@ -327,19 +351,30 @@ class RecordProblem(DamageUnknowns, LeastSquares):
 
     def _simulated(self, x: Matrix) -> tuple[Matrix, Matrix]:
         """Return the strain of rows of unknowns and what sensors read of it, shape (m, s, n); the last ones are kept."""
+
+        def made(rows: Matrix) -> Iterable[tuple[Matrix, Matrix]]:
+            strain = self._on_mesh(rows) if self.added is None else self._on_mesh(rows) + self.added.to(rows)
+            return zip(strain, self.sensed.read(strain, self.record.kind, self.record.step), strict=True)
+
+        strains, reads = zip(*self._kept("_known", x, made), strict=True)
+        return np.stack(strains), np.stack(reads)
+
+    def _on_mesh(self, x: Matrix) -> Matrix:
+        """Return the strain of rows of unknowns without what a finer mesh adds, shape (m, s, n); the last ones are kept."""
+        return np.stack(self._kept("_of_mesh", x, self._strain))
+
+    def _kept(self, name: str, x: Matrix, made: Callable[[Matrix], Iterable[Any]]) -> list[Any]:
+        """Return what is made of each row of unknowns, where it is not among the last ones."""
         keys = [row.tobytes() for row in x]
         with self._counting:  # starts run side by side
-            found = {key: self._known[key] for key in keys if key in self._known}
+            found = {key: vars(self)[name][key] for key in keys if key in vars(self)[name]}
         new = np.array([key not in found for key in keys])
         if new.any():
-            strain = self._strain(x[new])
-            read = self.sensed.read(strain, self.record.kind, self.record.step)
-            made = dict(zip(compress(keys, new), zip(strain, read, strict=True), strict=True))
-            found |= made
+            more = dict(zip(compress(keys, new), made(x[new]), strict=True))
+            found |= more
             with self._counting:
-                self._known = dict(list((self._known | made).items())[-KEPT:])
-        strains, reads = zip(*(found[key] for key in keys), strict=True)
-        return np.stack(strains), np.stack(reads)
+                setattr(self, name, dict(list((vars(self)[name] | more).items())[-max(KEPT, len(x)) :]))
+        return [found[key] for key in keys]
 
     def _strain(self, x: Matrix) -> Matrix:
         record = self.record
@@ -347,7 +382,5 @@ class RecordProblem(DamageUnknowns, LeastSquares):
             self._report(record.samples * record.step, self.simulations)
             self._made[0] += len(x)
         if isinstance(record, StaticRecord):
-            strain = self.histories(x, record.states, 0.0)[:, :, record.state]
-        else:
-            strain = self.histories(x, record.samples + SPARE, record.step)
-        return strain if self.added is None else strain + self.added.to(x)
+            return self.histories(x, record.states, 0.0)[:, :, record.state]
+        return self.histories(x, record.samples + SPARE, record.step)
