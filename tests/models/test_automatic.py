@@ -1,6 +1,9 @@
 """The choice of a sensor within its training stretch: what it is judged by, its baselines, its numbers of the filter."""
 
 import re
+import subprocess
+import sys
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -138,6 +141,25 @@ def test_nothing_that_comes_after_the_training_stretch_is_seen(hasty):
     other = choose((replace(PLAY, **changed),), (rows,), full_scale=1.0, budget=1e-6)
     assert [(t.what, t.error) for t in first.trials] == [(t.what, t.error) for t in other.trials]
     assert first.fit.artifact == other.fit.artifact
+
+
+def test_a_machine_that_is_ten_times_as_slow_chooses_the_same_sensor_to_the_bit(monkeypatch):
+    """Few settings, so that it takes seconds; two processes that spin take the cores meanwhile."""
+    monkeypatch.setattr("gossamer_models.automatic.sensors.EXTENSIONS", ("reversing",))
+    monkeypatch.setattr("gossamer_models.automatic.sensors.RIDGES", ())
+    quick = choose((PLAY,), half(PLAY), full_scale=1.0)
+    busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(2)]
+    try:
+        clock = time.monotonic
+        monkeypatch.setattr("time.monotonic", lambda: 10.0 * clock())
+        slow = choose((PLAY,), half(PLAY), full_scale=1.0, budget=1e4)
+    finally:
+        for process in busy:
+            process.kill()
+            process.wait()
+    assert [(t.what, t.error) for t in quick.trials] == [(t.what, t.error) for t in slow.trials]
+    assert quick.untried == slow.untried == 0
+    assert quick.fit.artifact == slow.fit.artifact
 
 
 def test_what_is_chosen_recovers_strain_better_than_a_cubic(hasty):
