@@ -71,7 +71,8 @@ def tanks() -> tuple[Array, Array, Array, float]:
     import nonlinear_benchmarks
 
     train, test = nonlinear_benchmarks.Cascaded_Tanks(atleast_2d=False)
-    u, y = (np.concatenate([np.asarray(getattr(part, name), dtype=float) for part in (train, test)]) for name in "uy")
+    u = np.concatenate([np.asarray(part.u, dtype=np.float64) for part in (train, test)])
+    y = np.concatenate([np.asarray(part.y, dtype=np.float64) for part in (train, test)])
     step = float(train.sampling_time)
     return step * np.arange(u.size), u, y, step * len(np.asarray(train.u))
 
