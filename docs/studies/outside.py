@@ -74,7 +74,7 @@ def tanks() -> tuple[Array, Array, Array, float]:
     u = np.concatenate([np.asarray(part.u, dtype=np.float64) for part in (train, test)])
     y = np.concatenate([np.asarray(part.y, dtype=np.float64) for part in (train, test)])
     step = float(train.sampling_time)
-    return step * np.arange(u.size), u, y, step * len(np.asarray(train.u))
+    return step * np.arange(u.size, dtype=np.float64), np.array(u), np.array(y), step * len(np.asarray(train.u))
 
 
 def line(name: str, unit: str, data: tuple[Array, Array, Array, float]) -> str:
