@@ -6,7 +6,7 @@ from .law import LAWS
 from .model import first_period, membrane_model
 from .portable import read_structure
 from .reading import MeshFile, read_mesh
-from .setup import Built, Edge, Fault, Gas, Load, Region, Sensor, Setup, Support
+from .setup import Built, Edge, Fault, Gas, Load, Paraboloid, Region, Sensor, Setup, Support
 from .square import MembraneParams, square_structure
 from .statics import Equilibria, Equilibrium, EquilibriumDerivatives
 from .structure import Structure, make_structure
@@ -28,6 +28,7 @@ __all__ = [
     "Gas",
     "LAWS",
     "Load",
+    "Paraboloid",
     "Region",
     "Sensor",
     "Setup",

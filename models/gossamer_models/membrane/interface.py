@@ -99,6 +99,12 @@ def _outputs(setup: Setup) -> list[Variable]:
         along = ", ".join(f"{x:g}" for x in sensor.direction)
         length = f", mean over {sensor.gauge_length:g} m" if sensor.gauge_length else ""
         rows.append(output(f"strain[{k + 1}]", "1", f"Nominal strain at ({at}) m along ({along}){length}", nominal=0.1))
+    for surface in setup.surfaces:
+        rms, shift, pointing = surface.outputs
+        text = f"the paraboloid that fits {surface.name} best"
+        rows.append(output(rms, "m", f"Distance from {text}, root mean square over the area", minimum=0.0, nominal=1e-3))
+        rows.append(output(shift, "m", f"Focal length of {text}, less that of the drawing", nominal=1e-2))
+        rows.append(output(pointing, "rad", f"Angle by which the axis of {text} is off", minimum=0.0, nominal=1e-3))
     rows.append(output("displacement", "m", "Largest displacement of a node from the mesh", nominal=0.1))
     if setup.gas is not None:
         rows.append(output("gas_pressure", "Pa", "Pressure of the gas over the ambient one", nominal=1e4))

@@ -242,6 +242,8 @@ def membrane_model(
         if gauges:
             read = (gauge(equations.positions_at(places, state.q, u, p), equations.size(p)) for places, gauge in gauges)
             values["strain"] = ca.vertcat(*read)
+        for surface in structure.surfaces:
+            values |= surface(ca.reshape(x, 3, -1)[:, np.argsort(structure.order)[surface.nodes].tolist()])
         if "deflection_ratio" in names:
             values["deflection_ratio"] = ca.mmax(ca.fabs(values["w"])) / p.side_length
         if "displacement" in names or "node" in names:

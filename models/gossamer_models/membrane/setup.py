@@ -245,6 +245,43 @@ class Sensor:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Paraboloid:
+    """A paraboloid of revolution that some faces are to form, as the reflector of an antenna.
+
+    Attributes
+    ----------
+    name : str
+        Of its outputs ``<name>_rms``, ``<name>_focal_shift`` and ``<name>_pointing``.
+    focal_length : float
+        As drawn [m].
+    groups : tuple of str
+        Groups of faces; empty for all.
+    vertex : tuple of float
+        Where its axis meets it, as drawn [m].
+    axis : tuple of float
+        From the vertex to the focus, as drawn.
+    """
+
+    name: str
+    focal_length: float
+    groups: tuple[str, ...] = ()
+    vertex: Triple = ZERO
+    axis: Triple = (0.0, 0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        mistakes = [*outside(self, focal_length=(1e-6, 1e6)), *not_finite(self, "vertex"), *no_direction(self, "axis")]
+        if not self.name.isidentifier():
+            text = f"'name' is {self.name!r}. Use letters, digits and underscores, and no digit at the start."
+            mistakes.append(Mistake(("name",), text))
+        raise_any(mistakes)
+
+    @property
+    def outputs(self) -> tuple[str, str, str]:
+        """Names of its outputs."""
+        return f"{self.name}_rms", f"{self.name}_focal_shift", f"{self.name}_pointing"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Fault:
     """Something that may go wrong beside damage of zones, which a twin weighs as an explanation like damage.
 
@@ -393,7 +430,7 @@ class Setup:
         Whether the displacement of every node is a variable.
     directional : bool
         Whether the share of the stiffness that each zone keeps along ``direction`` of its region, and across, is an input.
-    regions, zones, supports, edges, loads, sensors : tuple
+    regions, zones, supports, edges, loads, sensors, surfaces : tuple
         See there; without ``loads`` there is one follower pressure on all faces, ``pressure``.
     gas : Gas or None
         See there.
@@ -434,6 +471,7 @@ class Setup:
     edges: tuple[Edge, ...] = ()
     loads: tuple[Load, ...] = (Load(name="pressure"),)
     sensors: tuple[Sensor, ...] = ()
+    surfaces: tuple[Paraboloid, ...] = ()
     gas: Gas | None = None
     factors: tuple[str, ...] = ()
     faults: tuple[Fault, ...] = ()
@@ -495,8 +533,9 @@ class Setup:
             if count > 1:
                 yield Mistake(("faults",), f"{count} faults have the name {name!r}. Give each its own.")
         names = [load.name for load in self.loads] + [support.motion for support in self.supports if support.motion]
+        names += [output for surface in self.surfaces for output in surface.outputs]
         for name in RESERVED & set(names):
-            text = f"a load or motion has the name {name!r}, which is that of another variable. Choose another."
+            text = f"a load, motion or surface has the name {name!r}, which is that of another variable. Choose another."
             yield Mistake(("loads",), text)
         lights = [i for i, load in enumerate(self.loads) if load.kind == "light"]
         if len(lights) > 1:
@@ -504,4 +543,5 @@ class Setup:
             yield Mistake(("loads", lights[1], "kind"), text)
         for name, count in Counter(names).items():
             if count > 1:
-                yield Mistake(("loads",), f"{count} loads or motions have the name {name!r}. Give each its own.")
+                text = f"{count} loads, motions or results of surfaces have the name {name!r}. Give each its own."
+                yield Mistake(("loads",), text)

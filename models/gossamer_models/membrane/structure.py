@@ -23,6 +23,7 @@ from .element import Element
 from .gauges import Gauge, moved_gauge, place_matrix
 from .geometry import Geometry, geometry, stiffest, values
 from .interface import mesh_variables
+from .paraboloid import BestFit, best_fits
 from .setup import MAX_ORDER, MOST_REFINED, Setup
 from .surface import Integers, SurfaceMesh, refined, sides_of
 from .zones import Zone, divide
@@ -94,6 +95,8 @@ class Structure:
         Nodal forces per unit of an input [1] or [m2] by the name of a dead load, shape (3 N,).
     gauges : tuple of Gauge
         By sensor.
+    surfaces : tuple of BestFit
+        By surface of the setup.
     variables : callable
         ``variables(setup, zone_names, N) -> table`` of the model without a frame that flies. Numbers of the
         setup that stand among its parameters are chosen when the membrane starts to run: ``side_length`` (the largest
@@ -124,6 +127,7 @@ class Structure:
     edge_force: Vector
     unit_forces: dict[str, Vector]
     gauges: tuple[Gauge, ...]
+    surfaces: tuple[BestFit, ...]
     variables: Callable[[Setup, tuple[str, ...], int], tuple[Variable, ...]] = mesh_variables
     probes: Mapping[str, Vector] = field(default_factory=dict)
     origin: Vector = field(default_factory=lambda: np.zeros(3))
@@ -289,13 +293,15 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
     encloses = members_of(mesh, setup.gas.groups) if setup.gas else np.zeros(mesh.n_faces, dtype=bool)
     rows = np.column_stack([region, zone, *acting, encloses])
     kinds, combination = np.unique(rows, axis=0, return_inverse=True)
-    mass, stiffness, normals = np.zeros(len(mesh.nodes)), np.zeros(len(mesh.nodes)), np.zeros((len(mesh.nodes), 3))
+    mass, areas, stiffness = (np.zeros(len(mesh.nodes)) for _ in range(3))
+    normals = np.zeros((len(mesh.nodes), 3))
     areal = np.array([r.density * r.thickness for r in setup.regions])
     nu = np.array([r.poisson_ratio for r in setup.regions])
     D = np.array([r.youngs_modulus * r.thickness for r in setup.regions]) / (1.0 - nu**2)
     highest = [stiffest(found, nu[region[block.faces]]) for block, found in zip(mesh.blocks, measured, strict=True)]
     for block, found, high in zip(mesh.blocks, measured, highest, strict=True):
         np.add.at(mass, block.elements, found.node_areas * areal[region[block.faces]][:, None])
+        np.add.at(areas, block.elements, found.node_areas)
         np.add.at(stiffness, block.elements, found.node_areas * (high * D[region[block.faces]])[:, None])
         np.add.at(normals, block.elements, found.node_normals)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
@@ -326,6 +332,7 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
             load.name: unit_force(load, mesh, measured) for load in setup.loads if load.kind in ("force", "dead_pressure")
         },
         gauges=tuple(_gauges(setup, mesh, normals)),
+        surfaces=best_fits(setup, mesh, areas),
     )
 
 
@@ -340,6 +347,8 @@ def _lacking(setup: Setup, mesh: SurfaceMesh) -> Iterator[Mistake]:
     for i, load in enumerate(setup.loads):
         known, what = (points, "nodes") if load.kind == "force" else (faces, "faces")
         wanted += [(("loads", i, "groups"), group, known, what) for group in load.groups]
+    for i, surface in enumerate(setup.surfaces):
+        wanted += [(("surfaces", i, "groups"), group, faces, "faces") for group in surface.groups]
     for group in setup.gas.groups if setup.gas else ():
         wanted.append((("gas", "groups"), group, faces, "faces"))
     for place, group, known, what in wanted:

@@ -12,7 +12,20 @@ import pytest
 from command_line import invoke
 from gossamer.descriptions import load_structure
 from gossamer_models import Stepper
-from gossamer_models.membrane import Edge, Fault, Gas, Load, Region, Sensor, Setup, Support, Zone, membrane_model, read_mesh
+from gossamer_models.membrane import (
+    Edge,
+    Fault,
+    Gas,
+    Load,
+    Paraboloid,
+    Region,
+    Sensor,
+    Setup,
+    Support,
+    Zone,
+    membrane_model,
+    read_mesh,
+)
 from gossamer_models.membrane.setup import Built, KnownNumbers
 from gossamer_orchestrator.errors import ScenarioError
 from gossamer_orchestrator.scenario.source import shipped_scenarios
@@ -151,14 +164,14 @@ def test_every_key_is_documented_with_its_default():
     rows = re.findall(r"^\| (`[a-z_`, ]+`) \| (.*?) \|", page, re.MULTILINE)
     known = {key: default for keys, default in rows for key in re.findall(r"`([a-z_]+)`", keys)}
     tables = {"regions": Region, "zones": Zone, "supports": Support, "edges": Edge, "loads": Load, "sensors": Sensor}
-    tables["faults"] = Fault
+    tables |= {"faults": Fault, "surfaces": Paraboloid}
     single = {"gas": Gas, "calibration": KnownNumbers, "built": Built}
     for name, table in {**tables, **single}.items():
         assert f"`[[{name}]]`" in page or f"`[{name}]`" in page
         assert [field.name for field in fields(table) if field.name not in known] == []
     top = [field for field in fields(Setup) if field.name not in {*tables, *single}]
     assert [field.name for field in top if field.name not in known] == []
-    for field in [*top, *fields(Support), *fields(Sensor), *fields(Gas), *fields(Fault)]:
+    for field in [*top, *fields(Support), *fields(Sensor), *fields(Gas), *fields(Fault), *fields(Paraboloid)]:
         if isinstance(field.default, bool) or field.default is MISSING or field.default in ("", (), None):
             continue
         shown = known[field.name].strip('`"')
