@@ -11,6 +11,7 @@ from .square import MembraneParams, square_structure
 from .statics import Equilibria, Equilibrium, EquilibriumDerivatives
 from .structure import Structure, make_structure
 from .surface import SurfaceMesh, surface_mesh
+from .vibration import Linearised, Modes, Sensitivities
 from .zones import Zone
 
 __all__ = [
@@ -21,6 +22,9 @@ __all__ = [
     "Equilibria",
     "Equilibrium",
     "EquilibriumDerivatives",
+    "Linearised",
+    "Modes",
+    "Sensitivities",
     # what it is made of
     "Built",
     "Edge",
