@@ -6,6 +6,7 @@ from .law import LAWS
 from .model import first_period, membrane_model
 from .portable import read_structure
 from .reading import MeshFile, read_mesh
+from .reduction import Reach, Reduced, reaches, reduce_membrane, reduced_model
 from .setup import Built, Edge, Fault, Gas, Load, Region, Sensor, Setup, Support
 from .square import MembraneParams, square_structure
 from .statics import Equilibria, Equilibrium, EquilibriumDerivatives
@@ -25,6 +26,11 @@ __all__ = [
     "Linearised",
     "Modes",
     "Sensitivities",
+    "Reach",
+    "Reduced",
+    "reaches",
+    "reduce_membrane",
+    "reduced_model",
     # what it is made of
     "Built",
     "Edge",

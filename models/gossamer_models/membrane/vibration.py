@@ -1,17 +1,16 @@
 r"""Small vibrations about an equilibrium: the forces that step the membrane, linearised exactly.
 
-Symbols: ``q`` displacements of the M nodes that move [m], ``f`` forces [N], ``K`` = -df/dq tangent [N/m], ``M`` masses [kg],
-``n`` normals, ``k`` factor on inertia along the surface [1]; ``phi`` shape of a mode [kg^-1/2], ``omega`` its angular
-frequency [1/s]; ``R`` motion of the nodes with the frame, three columns along x, y, z [1] and three about them through the
-membrane's own origin [m]; ``V`` volume of gas [m3].
+Symbols: ``q`` displacements of the M nodes that move [m], ``f`` forces [N], ``K`` = -df/dq tangent [N/m], ``M`` masses [kg];
+``phi`` shape of a mode [kg^-1/2], ``omega`` its angular frequency [1/s]; ``R`` motion of the nodes with the frame, three
+columns along x, y, z [1] and three about them through the membrane's own origin [m]; ``V`` volume of gas [m3].
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import casadi as ca
 import numpy as np
@@ -61,7 +60,7 @@ class Linearised:
     gas : ndarray, shape (F,)
         The gas adds the product of this with itself to the tangent [(N/m)^1/2]; zero without gas.
     nodal_mass : ndarray, shape (3 M,)
-        True mass of the node of each displacement [kg].
+        Mass of the node of each displacement [kg].
     R : ndarray, shape (3 M, 6)
         Motion with the frame.
 
@@ -75,14 +74,14 @@ class Linearised:
 
     def __init__(self, structure: Structure, given: Mapping[str, ArrayLike] | None = None) -> None:
         self.structure, model = structure, membrane_model(structure)
-        equilibrium = Equilibrium(structure, model)
-        first = model.variables[0]
+        equilibrium, first = Equilibrium(structure, model), model.variables[0]
         found = equilibrium.solve({first.name: first.start or 0.0} | dict(given or {}))
         if found.failed[0]:
             msg = "there is no equilibrium to vibrate about. Check supports, prestress, loads and damage of the setup."
             raise ConvergenceError(msg)
         self.u, self.p, self.q = found.u[0], found.p[0], found.q[0]
         self.displacement = found.displacement[0]
+        self._newton = equilibrium.newton
         self.free, self.variables, equations = equilibrium.free, model.variables, MembraneEquations(structure)
         _, u_rows, y_rows = model.slices()
         self.inputs, results = model.variables[u_rows], model.variables[y_rows]
@@ -96,10 +95,10 @@ class Linearised:
         self.volume = np.asarray(self._volume(self.u, self.p, self.q)).ravel()
         mass, at, stiffness = (np.asarray(part).ravel() for part in self._known(*self.at))
         self.nodal_mass = np.repeat(mass, 3)[: self.q.size]
-        self.held_mass, self._at_rest = mass[self.q.size // 3 :], at.reshape(-1, 3)
-        self.M = self._masses(mass)
+        self.held_mass, self.at_rest = mass[self.q.size // 3 :], at.reshape(-1, 3)
+        self.M = scipy.sparse.diags(self.nodal_mass[self.free], format="csc")
         n = self.q.size
-        X = self._at_rest[: n // 3]
+        X = self.at_rest[: n // 3]
         turned = np.stack([np.cross(e, X) for e in np.eye(3)], axis=-1)
         self.R = np.concatenate([np.tile(np.eye(3), (len(X), 1, 1)), turned], axis=2).reshape(n, 6)
         self.gas = np.zeros(len(self.free))
@@ -118,18 +117,18 @@ class Linearised:
         u, p, q, V = arguments = [ca.MX.sym(name, size) for name, size in sizes.items()]
         inputs, parameters = by_name(model.variables[u_rows], u), by_name(model.variables[p_rows], p)
         x = equations.positions(q, inputs, parameters)
-        _, f, gas = pulled(equations, V, ca.MX(0.0), x, inputs, parameters)
+        found, f, gas = pulled(equations, V, ca.MX(0.0), x, inputs, parameters)
         y = begin.call([u, p, q], True, False)[1][self._rows]
         nodes = x.numel() // 3
         away = ca.reshape(x - equations.arrays["nodes"], 3, nodes)[:, np.argsort(structure.order).tolist()]
-        r, F = ca.reshape(x, 3, nodes), ca.reshape(f, 3, nodes)
-        force, torque = (
-            ca.sum2(F),
-            ca.sum2(ca.vertcat(*(r[i - 2, :] * F[i - 1, :] - r[i - 1, :] * F[i - 2, :] for i in range(3)))),
-        )
-        seen = ca.vertcat(f[:n], ca.vec(away), y, force, torque)
-        self._ends = np.cumsum([n, 3 * nodes, y.numel(), 6]).tolist()
+        r, W = ca.reshape(x, 3, nodes), []
+        for load in (ca.reshape(found.f, 3, nodes), ca.reshape(f - found.f, 3, nodes)):
+            about = [r[i - 2, :] * load[i - 1, :] - r[i - 1, :] * load[i - 2, :] for i in range(3)]
+            W.append(ca.sum2(ca.vertcat(load, *about)))
+        seen = ca.vertcat(f[:n], ca.vec(away), y, *W)
+        self._ends = np.cumsum([n, 3 * nodes, y.numel(), 12]).tolist()
         self._seen = ca.Function("seen", arguments, [ca.densify(seen)])
+        self._slopes = ca.Function("slopes", arguments, [ca.jacobian(y, q)])
         z = ca.vertcat(u, q, V)
         moved = [ca.MX.sym(f"d{a.name()}", a.numel()) for a in (u, q, V)]
         first = ca.jtimes(seen, z, ca.vertcat(*moved))
@@ -144,14 +143,6 @@ class Linearised:
         self._volume = ca.Function("volume", [u, p, q], [bounded])
         self._area = ca.Function("area", arguments, [ca.densify(ca.gradient(bounded, q))])
         self._known = ca.Function("known", arguments, [mass, x, stiffness])
-
-    def _masses(self, mass: Vector) -> scipy.sparse.csc_matrix:
-        """Return the inertia of the model: of the factor k along the surface."""
-        structure, k = self.structure, self.structure.setup.inplane_mass
-        across = np.einsum("ni,nj->nij", *[structure.normals[structure.moving]] * 2)
-        blocks = mass[: len(across), None, None] * (across + k * (np.eye(3) - across))
-        M = scipy.sparse.diags(self.nodal_mass) if k == 1.0 else scipy.sparse.block_diag([*blocks])
-        return scipy.sparse.csc_matrix(scipy.sparse.csc_matrix(M)[:, self.free][self.free])
 
     def moved(self, du: Matrix | None = None, dq: Matrix | None = None, dV: Matrix | None = None) -> Seen:
         """Return how forces and results change, to first order, with columns of changes."""
@@ -169,18 +160,23 @@ class Linearised:
 
     def _parted(self, function: ca.Function, changes: list[list[Matrix]], count: int) -> Seen:
         at = [np.tile(each[:, None], count) for each in self.at]
-        found = np.asarray(function(*at, *(part for change in changes for part in change)))
+        return self._split(np.asarray(function(*at, *(part for change in changes for part in change))), count)
+
+    def _split(self, found: Matrix, count: int) -> Seen:
         f, away, y, W = np.split(found, self._ends[:-1])
         return Seen(f=f[self.free], away=away.T.reshape(count, -1, 3), y=y, W=W)
+
+    def slopes(self) -> scipy.sparse.csc_matrix:
+        """Return the derivative of the results by free displacements, shape (y, F)."""
+        return scipy.sparse.csc_matrix(self._slopes(*self.at).sparse())[:, self.free]
 
     def swelling(self, dq: Matrix) -> Matrix:
         """Return how the volume of the gas changes with columns of displacements [m3], shape (1, k)."""
         return np.asarray(self._area(*self.at)).reshape(1, -1) @ dq
 
-    @property
-    def now(self) -> Seen:
-        """Forces and results at the equilibrium."""
-        return self._parted(self._seen, [], 1)
+    def seen(self, u: Vector, q: Vector) -> Seen:
+        """Return forces and results at some inputs and displacements, of one column; gas keeps its amount."""
+        return self._split(np.asarray(self._seen(u, self.p, q, self.volume)), 1)
 
     def embedded(self, columns: Matrix) -> Matrix:
         """Return columns of the free displacements, shape (F, k), among all of q, shape (3 M, k)."""
@@ -209,10 +205,17 @@ class Linearised:
 
     def solve(self, columns: Matrix) -> Matrix:
         r"""Return :math:`K^{-1}` of columns of forces on what is free [N], where gas keeps its amount."""
-        found = self.solve_refilled(columns)
+        return self._with_gas(self._at_zero[0], columns)
+
+    def solver(self, u: Vector, q: Vector) -> Callable[[Matrix], Matrix]:
+        """Return what does nearly so with the tangent of other inputs and displacements."""
+        return partial(self._with_gas, splu(self._newton.stiffened(u, self.p, q)))
+
+    def _with_gas(self, factors: SuperLU, columns: Matrix) -> Matrix:
+        found = np.asarray(factors.solve(np.ascontiguousarray(columns)))
         if not self.gas.any():
             return found
-        soft = self.solve_refilled(self.gas)
+        soft = factors.solve(self.gas)
         return np.asarray(found - np.outer(soft, self.gas @ found) / (1.0 + self.gas @ soft))
 
     def modes(self, count: int) -> Modes:
@@ -232,8 +235,8 @@ class Linearised:
 
         Notes
         -----
-        :math:`K \varphi = \omega^2 M \varphi` with the inertia of the model, :math:`M = m\,(n n^T + k\,(1 - n n^T))`, and
-        the gas, whose amount stays. Factors of K tell by Sylvester's law how many of its values are negative. Where
+        :math:`K \varphi = \omega^2 M \varphi` with the true masses, whatever ``inplane_mass``, and the gas, whose amount
+        stays. Factors of K tell by Sylvester's law how many of its values are negative. Where
         loads follow the surface at an edge that is free, K is not symmetric; the frequencies are those of its symmetric
         part, which they differ from in second order only.
         """
@@ -285,8 +288,9 @@ class Seen:
         Displacements of all nodes from the mesh, in its order [m].
     y : ndarray, shape (y, k)
         Results ``Linearised.outputs``.
-    W : ndarray, shape (6, k)
-        Force [N] and torque about the membrane's own origin [N m] of the loads.
+    W : ndarray, shape (12, k)
+        Force [N] and torque about the membrane's own origin [N m]: of the loads on elements, then of those that keep their
+        direction. Elements' stresses add up to nothing.
     """
 
     f: Matrix
