@@ -6,16 +6,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gossamer_files.tables import TableText, percent
+from gossamer_files.tables import TableText, number, percent
 
-from .arguments import Count, File, Folder, Values, assigned, command
+from .arguments import Count, File, FmiVersion, Folder, Names, Numbers, Values, assigned, command, several
 from .records import numbers_by_name
 from .results import Saved, zone_coordinates
 from .working import keep_inputs, need_setup, save_page, say
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import xarray as xr
-    from gossamer_models.membrane import Modes, Sensitivities, Structure
+    from gossamer_models.membrane import Modes, Reach, Reduced, Sensitivities, Structure
     from gossamer_orchestrator.pages import Page
 
 
@@ -212,6 +214,214 @@ def modes(
         say(str(error))
     pages = save_page(MembraneModes(files=files, result=found, changes=changes).describe, folder)
     return MembraneModes(files=[*files, *pages], result=found, changes=changes)
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class ReducedMembrane(Saved):
+    """A membrane that was reduced to modes.
+
+    Attributes
+    ----------
+    files : list of Path
+        FMU, arrays for NumPy and MATLAB, and page.
+    result : gossamer_models.membrane.Reduced
+        The reduced model.
+    reaches : list of gossamer_models.membrane.Reach
+        How far each load may go.
+    frame : bool
+        Whether the FMU rides on a frame that flies.
+    """
+
+    result: Reduced
+    reaches: Sequence[Reach]
+    frame: bool
+
+    @property
+    def data(self) -> xr.Dataset:
+        """``A``, ``B``, ``C``, ``D`` by ``state``, ``input`` and ``output``, which have their names, with ``input_unit`` and
+        ``output_unit``; ``M``, ``damping`` and ``K`` by ``coordinate``, six motions of the frame and the modes; by ``mode``
+        ``frequency`` [Hz], ``participation`` [kg^1/2], [kg^1/2 m] and ``shape``; ``softening`` [1/s2] by ``zone``;
+        ``strain_bending``, second derivatives of the strains by ``bent`` and ``bent_too``.
+        """  # noqa: D205
+        import xarray as xr
+        from gossamer_models.membrane.vibration import AXES
+
+        found, modes, known = self.result, self.result.modes, self.result.modes.linearised
+        n = len(modes.squares)
+        shown = found.outputs[: found.n_y]
+        forces = [(f"{part}[{k}]", unit) for part, unit in (("force", "N"), ("torque", "N m")) for k in (1, 2, 3)]
+        outputs = [*((v.name, v.unit) for v in shown), *forces]
+        kept = [f"mode[{k}]" for k in range(1, n + 1)]
+        dims = {"A": ("state", "state_too"), "B": ("state", "input"), "C": ("output", "state"), "D": ("output", "input")}
+        dims |= dict.fromkeys(("M", "damping", "K"), ("coordinate", "coordinate_too"))
+        values: dict[str, Any] = {name: (dims[name], each) for name, each in found.matrices().items()}
+        values |= {
+            "input_unit": ("input", [v.unit for v in found.inputs]),
+            "output_unit": ("output", [unit for _, unit in outputs]),
+            "frequency": ("mode", modes.frequencies, {"units": "Hz"}),
+            "participation": (("mode", "axis"), modes.participation),
+            "shape": (("mode", "node", "direction"), modes.shapes, {"units": "kg^-1/2"}),
+            "equilibrium": (("node", "direction"), known.displacement, {"units": "m"}),
+            "softening": (("zone", "mode", "mode_too"), found.softening, {"units": "1/s2"}),
+            "strain_bending": (("sensor", "bent", "bent_too"), found.H),
+            "start": ("output", [*found.start[: found.n_y], *(found.start[-12:-6] + found.start[-6:])]),
+        }
+        states = [*kept, *(f"der(mode[{k}])" for k in range(1, n + 1))]
+        coords: dict[str, Any] = {
+            "state": states,
+            "input": [v.name for v in found.inputs],
+            "output": [name for name, _ in outputs],
+            "coordinate": [*AXES, *kept],
+            "axis": list(AXES),
+            "bent": [*kept, *(found.inputs[k].name for k in found.bending)],
+            "direction": list("xyz"),
+        }
+        return xr.Dataset(values, coords)
+
+    @property
+    def sentence(self) -> str:
+        """How many modes it has, and how far they reach."""
+        f = self.result.modes.frequencies
+        return f"{len(f)} modes from {f[0]:.5g} to {f[-1]:.5g} Hz; inputs should be slower than the last of them."
+
+    def lines(self) -> list[str]:
+        """Return what they are."""
+        return [self.sentence]
+
+    def tables(self) -> list[TableText]:
+        """Return how far each load may go until the model is wrong by 5 %."""
+        rows = []
+        for each in self.reaches:
+            if not each.compared:
+                continue
+            cells = [_reached(*each.displacement, " m", each.compared), _reached(*each.strain, "", each.compared)]
+            rows.append((f"{each.load.name} [{each.load.unit}]", *cells))
+        head = ("load", "displacement wrong by 5 %", "strain wrong by 5 %")
+        caption = "Change of a load at which the reduced model is wrong by 5 % at rest, measured against the full membrane"
+        return [TableText(head, rows, caption)]
+
+    def describe(self) -> Page:
+        """Return the page: the modes in motion, and how far the model reaches."""
+        from .pages.modes import modes_page
+
+        title = self.result.modes.linearised.structure.setup.title or "A membrane"
+        return modes_page(f"Reduced: {title}", self.result.modes, None, self.sentence, self.tables())
+
+    def to_json(self) -> dict[str, Any]:
+        """Return names, frequencies and how far each load may go."""
+        found = self.result
+        return {
+            "files": self.files,
+            "frequency_Hz": found.modes.frequencies,
+            "inputs": {v.name: v.unit for v in found.inputs},
+            "outputs": {v.name: v.unit for v in found.outputs[: found.n_y]},
+            "wrong_by_5_percent": [
+                {"load": each.load.name, "displacement": each.displacement, "strain": each.strain, "compared": each.compared}
+                for each in self.reaches
+            ],
+        }
+
+
+@command
+def reduce(
+    setup: File | None = None,
+    *,
+    mesh: File | None = None,
+    modes: Count = 20,
+    nodes: Numbers | None = None,
+    set: Values | None = None,
+    frame: bool = False,
+    native: bool = False,
+    platform: Names | None = None,
+    fmi: FmiVersion = 2,
+    out: Folder = "out/reduced",
+) -> ReducedMembrane:
+    """Reduce a membrane to a small linear model about its equilibrium, for control and attitude.
+
+    Writes an FMU, the matrices as reduced.npz (NumPy) and reduced.mat (MATLAB), and report.html, which states from which
+    load on the model is wrong by 5 %.
+
+    Parameters
+    ----------
+    setup
+        The setup of a membrane on a mesh, or sail, drum, reflector, tube, which ship with Gossamer; by default the square
+        membrane of the thesis.
+    mesh
+        Mesh file in place of the setup's own.
+    modes
+        How many modes, the slowest first.
+    nodes
+        Nodes of the mesh, from 1, whose displacements are outputs, with commas; by default the one that the slowest mode
+        moves most.
+    set
+        A parameter or input of the membrane, for instance pressure=100 or damage[3]=0.2; may be repeated.
+    frame
+        Put it on a frame that flies: the FMU takes the place of framed_membrane.
+    native
+        Compile C code, so that the FMU runs without Python.
+    platform
+        Of native FMUs: linux64, win64, darwin64, aarch64-linux (FMI 3 only) or all; may be repeated; this machine's
+        platform by default.
+    fmi
+        Of native FMUs: version of the standard, 2 or 3.
+    out
+        Folder to write.
+
+    Returns
+    -------
+    ReducedMembrane
+        Its matrices and how far it reaches; displayed in a notebook.
+
+    Examples
+    --------
+    >>> gossamer.reduce("tube", modes=12).data["A"]
+
+    On the command line::
+
+        gossamer reduce tube --modes 12
+
+        gossamer reduce sail --frame --native --set sun=0
+
+        gossamer reduce --nodes 145,37 --out out/mine
+    """
+    from gossamer_fmus import build_models, fmu_folder
+    from gossamer_models.membrane import Linearised, reaches, reduce_membrane, reduced_model
+
+    folder = Path(out)
+    arrays, matlab = folder / "reduced.npz", folder / "reduced.mat"
+    keep_inputs([setup, mesh], [arrays, matlab, folder / "reduced_membrane.fmu"])
+    given = numbers_by_name(assigned(set), "for instance pressure=100")
+    kept = Linearised(_structure(setup, mesh), given).modes(modes)
+    found = reduce_membrane(kept, [int(k) for k in nodes or ()])
+    model = reduced_model(found, frame=frame)
+    readme = fmu_folder("membrane") / "reduced.md"
+    built = build_models(
+        {model.name: model}, folder, readme, native=native, fmi=fmi, platforms=tuple(several(platform)), progress=say
+    )
+    result = ReducedMembrane(files=[], result=found, reaches=reaches(found), frame=frame)
+    values = {str(name): each.to_numpy() for name, each in result.data.variables.items()}
+    _save(arrays, matlab, values)
+    files = [*built.values(), arrays, matlab]
+    pages = save_page(result.describe, folder)
+    return ReducedMembrane(files=[*files, *pages], result=found, reaches=result.reaches, frame=frame)
+
+
+def _reached(at: float, change: float, unit: str, compared: float) -> str:
+    return f"{number(at)} ({number(change)}{unit})" if at == at else f"above {number(compared)}"
+
+
+def _save(arrays: Path, matlab: Path, values: dict[str, Any]) -> None:
+    """Write arrays by name; names in them are text for NumPy and cells for MATLAB."""
+    import numpy as np
+    from gossamer_files import replacing
+    from gossamer_orchestrator.errors import ResultsError, writing
+    from scipy.io import savemat
+
+    with writing(arrays, ResultsError), replacing(arrays) as new, new.open("wb") as file:
+        np.savez_compressed(file, allow_pickle=False, **values)
+    cells = {name: each.astype(object) if each.dtype.kind in "UO" else each for name, each in values.items()}
+    with writing(matlab, ResultsError), replacing(matlab) as new, new.open("wb") as file:
+        savemat(file, cells, do_compression=True)
 
 
 def _structure(setup: File | None, mesh: File | None) -> Structure:

@@ -400,6 +400,9 @@ def reduced_model(reduced: Reduced, *, frame: bool = False) -> StepModel:
     size = reduced.H.shape[1]
     upper = [ca.sparsify(ca.DM(np.triu(H, 1) + np.diag(np.diag(H)) / 2.0)) for H in reduced.H]  # each pair once
 
+    unloaded = np.array([float(k in zones) for k in range(len(reduced.inputs))])  # the square starts so
+    begin = np.where(unloaded > 0.0, 0.0, np.append(-start, np.zeros(6)))
+
     def changes(u: Values, acceleration: ca.MX) -> ca.MX:
         columns = dict.fromkeys(v.name.partition("[")[0] for v in inputs)
         return ca.vertcat(ca.vertcat(*(getattr(u, name) for name in columns)) - start, acceleration)
@@ -424,10 +427,11 @@ def reduced_model(reduced: Reduced, *, frame: bool = False) -> StepModel:
 
     def init(u: Values, p: Values) -> tuple[ReducedState, Results]:
         change = changes(u, based(u))
-        eta = ca.mtimes(B, change) / squares(change)
+        rest = ca.MX(unloaded) * change + begin if known.structure.starts_in_plane else change
+        eta = ca.mtimes(B, rest) / squares(change)
         results, W = seen(eta, change)
-        x = ReducedState(eta, ca.MX.zeros(eta.numel()))
-        return x, results | (riding(x, ca.MX.zeros(eta.numel()), W, change[-6:], u, p, ca.MX(0.0)) if frame else {})
+        x, eta_2dot = ReducedState(eta, ca.MX.zeros(eta.numel())), ca.mtimes(B, change) - squares(change) * eta
+        return x, results | (riding(x, eta_2dot, W, change[-6:], u, p, ca.MX(0.0)) if frame else {})
 
     def step(x: ReducedState, u: Values, p: Values, h: ca.MX) -> tuple[ReducedState, Results]:
         a = accelerated(u, p, h) if frame else based(u)

@@ -23,7 +23,7 @@ DRAWN = 0.08  # of the size: how far a mode moves on the page
 MOST_NUMBERS = 4_000_000  # of all places on a page
 
 
-def modes_page(title: str, modes: Modes, changes: Sensitivities, sentence: str, tables: Sequence[TableText]) -> Page:
+def modes_page(title: str, modes: Modes, changes: Sensitivities | None, sentence: str, tables: Sequence[TableText]) -> Page:
     """Describe modes, as far as their shapes find place on a page."""
     structure, labels = modes.linearised.structure, [str(k + 1) for k in range(len(modes.squares))]
     content = _moving(structure, modes)
@@ -32,7 +32,7 @@ def modes_page(title: str, modes: Modes, changes: Sensitivities, sentence: str, 
     share = 100.0 * modes.effective_masses[:, :3] / np.diag(modes.moving)[:3]
     along = [bars(f"along {axis}", labels, share[:, k], f"@{k}") for k, axis in enumerate("xyz")]
     charts.append(Chart("Effective mass", "mode", "share of what moves [%]", along, layout={"xaxis": {"type": "category"}}))
-    if structure.n_zones:
+    if changes is not None and structure.n_zones:
         zones = [str(k + 1) for k in range(structure.n_zones)]
         map_ = heat(zones, labels, changes.frequency, "per damage [1]")
         category = {axis: {"type": "category"} for axis in ("xaxis", "yaxis")}
