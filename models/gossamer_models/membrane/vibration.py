@@ -86,7 +86,8 @@ class Linearised:
         _, u_rows, y_rows = model.slices()
         self.inputs, results = model.variables[u_rows], model.variables[y_rows]
         smooth = ("strain", *structure.probes)
-        self._rows = [i for i, v in enumerate(results) if v.name.partition("[")[0] in smooth]
+        wanted = ((i, v.name.partition("[")[0]) for i, v in enumerate(results) if v.causality == "output")
+        self._rows = [i for i, name in wanted if name in smooth]
         self.outputs = tuple(results[i] for i in self._rows)
         self._functions(equations, model, equilibrium.begin)
         K = equilibrium.tangent(found, 0)
