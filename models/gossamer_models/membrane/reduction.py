@@ -264,8 +264,9 @@ def _crossing(at: Vector, errors: Vector, sizes: Vector) -> tuple[float, float]:
     if not len(over):
         return np.nan, np.nan
     k = over[0]
-    share = np.log(WRONG / errors[k - 1]) / np.log(errors[k] / errors[k - 1]) if errors[k - 1] > 0.0 else 0.0
-    return float(at[k - 1] + share * (at[k] - at[k - 1])), float(sizes[k - 1] + share * (sizes[k] - sizes[k - 1]))
+    share = np.log(WRONG / errors[k - 1]) / np.log(errors[k] / errors[k - 1]) if errors[k - 1] > 0.0 else 1.0
+    change, size = (float(x[k] ** share * x[k - 1] ** (1.0 - share)) for x in (at, sizes))  # powers of the change
+    return change, size
 
 
 def _accelerations() -> tuple[Variable, ...]:
