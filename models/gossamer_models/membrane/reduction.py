@@ -28,11 +28,12 @@ from ..errors import ParameterError, require
 from ..step_model import StepModel
 from ..variables import Results, Values, Variable, output
 from .frame import FRAME_INPUTS, PAIRS, flying, frame_results, mounting
+from .setup import LEFT
 from .structure import Structure
 from .vibration import Linearised, Modes, Seen
 
 ACCELERATION = "base_acceleration"
-BENT = ("damage", "left", "direction")  # inputs that do not deform by themselves, of which strain is first order only
+STIFFNESS = ("damage", *LEFT)  # inputs that do not deform by themselves, of which strain is first order only
 TINY = 1e-9  # of those by one and by the other alone: second derivatives that are rounding
 CRITICAL = 1e-3  # of the frequency: damping that is nearer to critical counts as that near
 WRONG = 0.05  # share of a change by which the linear model may be wrong
@@ -163,7 +164,7 @@ def reduce_membrane(modes: Modes, nodes: Sequence[int] = ()) -> Reduced:
             each[np.abs(each) < TINY * scale] = 0.0
         return np.vstack(found)
 
-    bending = tuple(k for k, v in enumerate(inputs) if not any(part in v.name for part in BENT))
+    bending = tuple(k for k, v in enumerate(inputs) if v.name.partition("[")[0] not in STIFFNESS)
     return Reduced(
         modes=modes,
         inputs=inputs,
@@ -204,8 +205,8 @@ class Reach:
 def reaches(reduced: Reduced) -> list[Reach]:
     """Find how far each load may go, by equilibria of the full membrane under more and more of it.
 
-    Loads are pressures, light, forces, and the accelerations of the base. Each grows from its value at the equilibrium; gas
-    keeps its amount.
+    Loads are pressures, light, forces, and the accelerations of the base. Each is raised from its value at the equilibrium;
+    gas keeps its amount.
     """
     known = reduced.modes.linearised
     return [_reach(reduced, i, v) for i, v in enumerate(known.inputs) if v.unit in ("Pa", "N", "m/s2")]
