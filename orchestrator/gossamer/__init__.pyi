@@ -46,6 +46,10 @@ from .sensors import Identification as Identification
 from .sensors import identify as identify
 from .sweeps import Sweep as Sweep
 from .sweeps import sweep as sweep
+from .vibrations import MembraneModes as MembraneModes
+from .vibrations import ReducedMembrane as ReducedMembrane
+from .vibrations import modes as modes
+from .vibrations import reduce as reduce
 from .watched import Watching as Watching
 from .watching import LiveWatch as LiveWatch
 from .watching import watch as watch

@@ -6,11 +6,13 @@ from .law import LAWS
 from .model import first_period, membrane_model
 from .portable import read_structure
 from .reading import MeshFile, read_mesh
+from .reduction import Reach, Reduced, reaches, reduce_membrane, reduced_model
 from .setup import Built, Edge, Fault, Gas, Load, Paraboloid, Region, Sensor, Setup, Support
 from .square import MembraneParams, square_structure
 from .statics import Equilibria, Equilibrium, EquilibriumDerivatives
 from .structure import Structure, make_structure
 from .surface import SurfaceMesh, surface_mesh
+from .vibration import Linearised, Modes, Sensitivities
 from .zones import Zone
 
 __all__ = [
@@ -21,6 +23,14 @@ __all__ = [
     "Equilibria",
     "Equilibrium",
     "EquilibriumDerivatives",
+    "Linearised",
+    "Modes",
+    "Sensitivities",
+    "Reach",
+    "Reduced",
+    "reaches",
+    "reduce_membrane",
+    "reduced_model",
     # what it is made of
     "Built",
     "Edge",

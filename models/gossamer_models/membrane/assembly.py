@@ -283,6 +283,11 @@ class MembraneEquations:
             total += ca.sum1(ca.sum2(flags * swept(block.element, self._positions(block, x))))
         return total
 
+    def filled_volume(self, bounded: ca.MX, start: ca.MX) -> ca.MX:
+        """Write the volume of the gas [m3], with what lies behind an open surface; ``start``: what was bounded at first."""
+        given = self.structure.setup.gas.volume if self.structure.setup.gas else None
+        return bounded if given is None else bounded - start + given
+
     def gas_mobility(self) -> float:
         r"""Return :math:`\sum A_i^2/m_i` [m4/kg] of nodes that enclose gas: with its stiffness, a squared frequency."""
         structure = self.structure

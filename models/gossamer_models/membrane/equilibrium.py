@@ -8,6 +8,7 @@ one, the displacements are not a number.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import casadi as ca
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..variables import Values
-from .assembly import MembraneEquations, Shared
+from .assembly import Forces, MembraneEquations, Shared
 from .element import sum_at
 
 LEVELS = 5  # at most 10^5 steps
@@ -176,6 +177,25 @@ def with_dead_loads(equations: MembraneEquations, f: ca.MX, u: Values, p: Values
     for name in equations.structure.unit_forces:
         f += getattr(u, name) * t[f"unit_{name}"]
     return f
+
+
+def pulled(
+    equations: MembraneEquations, volume: ca.MX, built_in: ca.MX, at: ca.MX, u: Values, p: Values
+) -> tuple[Forces, ca.MX, ca.MX]:
+    """Write what pulls at nodes ``at`` their places: what elements give, that with dead loads [N], the gas' pressure [Pa].
+
+    ``volume`` is that which the faces bounded at the start [m3], ``built_in`` a pressure [Pa].
+    """
+    setup = equations.structure.setup
+    if setup.gas is None:
+        found = equations.forces(at, equations.shared(u, p, built_in, ca.MX(0.0)), u, p)
+        return found, with_dead_loads(equations, found.f, u, p), ca.MX(0.0)
+    V = equations.filled_volume(equations.volume(at), volume)
+    inside = equations.filled(u) * (equations.filled_volume(volume, volume) / V) ** setup.gas.exponent
+    gas = inside - setup.gas.ambient
+    found = equations.forces(at, equations.shared(u, p, built_in, gas), u, p)
+    found = replace(found, rate=found.rate + setup.gas.exponent * inside / V * equations.gas_mobility())
+    return found, with_dead_loads(equations, found.f, u, p), gas
 
 
 def of_base(equations: MembraneEquations, u: Values, factor: Any = 1.0) -> ca.MX:  # noqa: ANN401

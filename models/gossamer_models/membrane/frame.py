@@ -24,7 +24,7 @@ from ..variables import CAUSALITIES, Values, Variable, array, input_, output, pa
 from .loops import Columns
 
 _LETTERS = ("xx", "yy", "zz", "xy", "xz", "yz")
-_PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,7 +217,7 @@ def wrench(r: Columns, f: Columns) -> list[ca.MX]:
 def mass_properties(r: Columns, m: ca.MX) -> list[ca.MX]:
     r"""Write what sums to mass [kg], first moment [kg m] and :math:`\sum m r r^T` [kg m2] by ``_LETTERS``, ten columns."""
     weighted = [m * x for x in r]
-    return [m, *weighted, *(weighted[a] * r[b] for a, b in _PAIRS)]
+    return [m, *weighted, *(weighted[a] * r[b] for a, b in PAIRS)]
 
 
 def frame_results(mount: Mounting, moving: ca.MX, held: ca.MX, reaction: ca.MX) -> dict[str, ca.MX]:
@@ -242,7 +242,7 @@ def frame_results(mount: Mounting, moving: ca.MX, held: ca.MX, reaction: ca.MX) 
         G = ca.blockcat([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         results |= {f"{name}_mass": sums[0], f"{name}_first_moment": ca.mtimes(A, sums[1:4])}
         J = ca.mtimes(ca.mtimes(A, ca.trace(G) * ca.MX.eye(3) - G), A.T)
-        results[f"{name}_inertia"] = ca.vertcat(*(J[a, b] for a, b in _PAIRS))
+        results[f"{name}_inertia"] = ca.vertcat(*(J[a, b] for a, b in PAIRS))
     results["momentum"], results["angular_momentum"] = ca.mtimes(A, moving[10:13]), ca.mtimes(A, moving[13:])
     return results
 

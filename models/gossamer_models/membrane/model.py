@@ -25,7 +25,7 @@ from ..step_model import StepModel
 from ..variables import Values
 from .assembly import Forces, MembraneEquations
 from .element import lobatto_points, value_matrix
-from .equilibrium import in_plane, of_base, relaxed, with_dead_loads
+from .equilibrium import in_plane, of_base, pulled, relaxed, with_dead_loads
 from .frame import RESTARTED, FrameState, flying
 from .gauges import Gauge
 from .newton import Newton
@@ -177,34 +177,19 @@ def membrane_model(
         across = ca.vec(ca.repmat(_products(v, t["normals"]).T, 3, 1))
         return only_free(v / k + (1.0 - 1.0 / k) * t["normals"] * across)
 
-    def all_volume(bounded: ca.MX, start: ca.MX) -> ca.MX:  # with what lies behind an open surface
-        given = setup.gas.volume if setup.gas else None
-        return bounded if given is None else bounded - start + given
-
     def step(x: MembraneState, u: Values, p: Values, h: ca.MX) -> tuple[MembraneState, dict[str, ca.MX]]:
         phase_half, phase_end = (x.phase + p.pressure_frequency * part for part in (h / 2.0, h))
         built_in = p.pressure_amplitude * ca.sin(2.0 * np.pi * phase_half)
         drag = p.mass_damping * h / 2.0
         keep, gain = (1.0 - drag) / (1.0 + drag), h / (1.0 + drag)  # two divisions, where one per node would be slow
 
-        def pulled(at: ca.MX) -> tuple[Forces, ca.MX, ca.MX]:
-            if setup.gas is None:
-                found = equations.forces(at, equations.shared(u, p, built_in, ca.MX(0.0)), u, p)
-                return found, with_dead_loads(equations, found.f, u, p), ca.MX(0.0)
-            V = all_volume(equations.volume(at), x.volume)
-            inside = equations.filled(u) * (all_volume(x.volume, x.volume) / V) ** setup.gas.exponent
-            gas = inside - setup.gas.ambient
-            found = equations.forces(at, equations.shared(u, p, built_in, gas), u, p)
-            found = replace(found, rate=found.rate + setup.gas.exponent * inside / V * equations.gas_mobility())
-            return found, with_dead_loads(equations, found.f, u, p), gas
-
         phase = phase_end - ca.floor(phase_end)
         if rider is not None:
-            ride = rider.advance(x.q, x.v, x.frame, pulled, u, p, h)
+            ride = rider.advance(x.q, x.v, x.frame, partial(pulled, equations, x.volume, built_in, u=u, p=p), u, p, h)
             state = MembraneState(ride.q, ride.s, phase, x.volume, ride.frame)
             return state, results(state, u, p, ride.found, ride.gas) | ride.results
         q = x.q + h / 2.0 * x.v  # half a step
-        found, f, gas = pulled(equations.positions(q, u, p))
+        found, f, gas = pulled(equations, x.volume, built_in, equations.positions(q, u, p), u, p)
         v = keep * x.v + gained(equations.parted(f)[0], u, p, gain)
         q = q + h / 2.0 * v  # the other half
         state = MembraneState(q, v, phase, x.volume, x.frame)
@@ -252,7 +237,7 @@ def membrane_model(
             values["displacement_ratio"] = values["displacement"] / structure.mesh.size
             values["node"] = ca.vec(ca.reshape(away, 3, -1)[:, np.argsort(structure.order).tolist()])
         if setup.gas is not None:
-            values |= {"gas_pressure": gas, "volume": all_volume(equations.volume(x), state.volume)}
+            values |= {"gas_pressure": gas, "volume": equations.filled_volume(equations.volume(x), state.volume)}
         return {name: value for name, value in values.items() if name in names}
 
     return StepModel.written(

@@ -115,7 +115,7 @@ class Equilibrium:
             raise ParameterError(msg)
         equations, rest = MembraneEquations(structure), model.at_rest
         n, n_nodes = equations.n_q, len(structure.mesh.nodes)
-        self._init, self._begin = model.init, rest.begin
+        self._init, self.begin = model.init, rest.begin
         self.newton = Newton(equations, model.variables)
         self.free = self.newton.free
         p_rows, u_rows, y_rows = model.slices()
@@ -170,7 +170,7 @@ class Equilibrium:
         rows = list(zip(u, p, q, strict=True))
         seen = np.array([column(self._seen(*row)) for row in rows])
         displacement, strain = self._split(seen)
-        x = np.array([column(self._begin(*row)[0]) for row in rows])
+        x = np.array([column(self.begin(*row)[0]) for row in rows])
         x[np.isnan(q).any(axis=1)] = np.nan
         return Equilibria(u=u, p=p, q=q, x=x, displacement=displacement, strain=strain)
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,9 +9,7 @@ from gossamer_files.charts import Chart, heat, points, section
 from gossamer_files.tables import TableText
 from gossamer_models.arrays import Matrix
 from gossamer_models.membrane import Structure
-from gossamer_models.membrane.shape import membrane_shape
 from gossamer_models.twin import InspectionHistory
-from gossamer_orchestrator.fmi.shape import Surface
 from gossamer_orchestrator.pages import Page, table
 from gossamer_orchestrator.pages.page import Kind
 from gossamer_orchestrator.results.dataset import zone_label
@@ -21,6 +17,8 @@ from gossamer_orchestrator.results.report.membrane import surface_content
 from gossamer_orchestrator.results.report.page import ASSETS
 from gossamer_orchestrator.results.shapes import ShapeHistory
 from gossamer_orchestrator.words import between, uncertain
+
+from .modes import surface_of
 
 COLOURS = 6
 LEAST = 0.5  # damage [%] of a zone that is outlined
@@ -84,9 +82,7 @@ def history_page(name: str, history: InspectionHistory, structure: Structure | N
 
 def _in_space(structure: Structure, history: InspectionHistory) -> dict[str, Any]:
     """Return what the page needs to draw a structure in space, coloured by damage, at every date."""
-    with np.load(io.BytesIO(membrane_shape(structure, structure.table))) as files:
-        known, size = Surface.stored(files), structure.mesh.size if files["size"] >= 0 else 1.0
-    surface = replace(known, nodes=size * known.nodes, sensor_points=size * known.sensor_points)
+    surface = surface_of(structure)
     dates = len(history.dates)
     places, still = np.repeat(surface.nodes[None], dates, axis=0), np.zeros((dates, len(structure.setup.regions), 3))
     damage, months = 100.0 * np.nan_to_num(history.damage), history.months

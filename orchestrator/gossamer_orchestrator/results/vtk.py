@@ -45,11 +45,6 @@ def export_vtk(data: xr.Dataset, shapes: Mapping[str, ShapeHistory], folder: Pat
     if not shapes:
         msg = "no membrane can be drawn: the run recorded no shapes. Run it again with [record] frames above 0."
         raise ResultsError(msg)
-    try:
-        import meshio  # noqa: F401
-    except ModuleNotFoundError:
-        msg = "files for ParaView need meshio, which is not installed. Install it with 'pip install meshio'."
-        raise ResultsError(msg) from None
     make_folder(folder)
     return [_write(data, name, history, folder) for name, history in shapes.items()]
 
@@ -62,36 +57,47 @@ def _write(data: xr.Dataset, name: str, history: ShapeHistory, folder: Path) -> 
         old.unlink()
     for k, time in enumerate(history.time):
         file = folder / f"{name}_{k:04d}.vtu"
-        with writing(file, ResultsError), replacing(file) as new:
-            _mesh(data, name, history, k).write(new, file_format="vtu")
+        _write_instant(file, data, name, history, k)
         ElementTree.SubElement(collection, "DataSet", timestep=repr(float(time)), part="0", file=file.name)
     with writing(path, ResultsError), replacing(path) as new:
         ElementTree.ElementTree(root).write(new, encoding="utf-8", xml_declaration=True)
     return path
 
 
-def _mesh(data: xr.Dataset, name: str, history: ShapeHistory, k: int):  # type: ignore[no-untyped-def]  # noqa: ANN202
-    """Return an instant as meshio has it."""
-    import meshio
+def write_surface(
+    path: Path, surface: Surface, places: Array, of_nodes: Mapping[str, Array], of_faces: Mapping[str, NDArray[Any]]
+) -> None:
+    """Write a membrane, its nodes at some places [m], as a ``.vtu`` file, with values by name.
 
-    surface, places = history.surface, history.places[k]
-    strains = face_strains(surface, places, history.eigenstrain[k])
-    of_faces: dict[str, NDArray[Any]] = {
-        "zone": surface.zone + 1,
-        "region": surface.region + 1,
-        "element": surface.element + 1,
-        "largest_strain": strains.largest,
-        "wrinkle": strains.mark,
-    }
-    of_faces |= {what: _on_faces(surface, values) for what, values in _damages(data, name, float(history.time[k]))}
+    Raises
+    ------
+    ResultsError
+        meshio is not installed, or the file cannot be written.
+    """
+    try:
+        import meshio
+    except ModuleNotFoundError:
+        msg = "files for ParaView need meshio, which is not installed. Install it with 'pip install meshio'."
+        raise ResultsError(msg) from None
+    of_faces = {"zone": surface.zone + 1, "region": surface.region + 1, "element": surface.element + 1} | dict(of_faces)
     triangle = surface.faces[:, 3] < 0
     blocks = [("quad", ~triangle, 4), ("triangle", triangle, 3)]
-    return meshio.Mesh(
+    mesh = meshio.Mesh(
         places,
         [(kind, surface.faces[some, :corners]) for kind, some, corners in blocks if some.any()],
-        point_data={"displacement": places - surface.nodes},
+        point_data=dict(of_nodes),
         cell_data={what: [values[some] for _, some, _ in blocks if some.any()] for what, values in of_faces.items()},
     )
+    with writing(path, ResultsError), replacing(path) as new:
+        mesh.write(new, file_format="vtu")
+
+
+def _write_instant(path: Path, data: xr.Dataset, name: str, history: ShapeHistory, k: int) -> None:
+    surface, places = history.surface, history.places[k]
+    strains = face_strains(surface, places, history.eigenstrain[k])
+    of_faces: dict[str, NDArray[Any]] = {"largest_strain": strains.largest, "wrinkle": strains.mark}
+    of_faces |= {what: _on_faces(surface, values) for what, values in _damages(data, name, float(history.time[k]))}
+    write_surface(path, surface, places, {"displacement": places - surface.nodes}, of_faces)
 
 
 def _on_faces(surface: Surface, values: Array) -> Array:

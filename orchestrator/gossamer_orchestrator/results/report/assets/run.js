@@ -25,7 +25,7 @@ function prepareSlider() {
   button.addEventListener("click", () => play(button));
   document.getElementById("player").addEventListener("submit", (event) => event.preventDefault());
   document.getElementById("player").hidden = page.content.frames.length < 2;
-  setInstant(page.content.frames.length - 1);
+  setInstant(page.content.begin ?? page.content.frames.length - 1);
 }
 
 page.begin = prepareSlider;
