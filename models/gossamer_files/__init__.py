@@ -18,6 +18,7 @@ from typing import Any
 
 from .errors import DataError as DataError
 from .errors import GossamerError as GossamerError
+from .inputs import check_outputs
 
 STALE = 3600.0  # [s] without a change: its writer was killed
 
@@ -49,7 +50,10 @@ def replacing(path: Path) -> Iterator[Path]:
     ------
     OSError
         It cannot be written; what was there is still there.
+    OverwriteError
+        The command under way reads it.
     """
+    check_outputs([path])
     target = path.resolve()
     if target.exists() and not target.is_file():  # a device, or a folder, which then refuses
         yield target

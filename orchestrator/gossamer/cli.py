@@ -46,6 +46,8 @@ COMMON = {  # options of all commands: how they are written, and the help
     "log_file": (("--log-file",), Path, "Append to this file what --verbose prints, warnings and errors, with times."),
 }
 
+LOGGED = re.compile(rb"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d,\d{3} [A-Z]+ \S+: ")  # what a log begins with
+
 _log = logging.getLogger(__name__)
 _log_of_errors = logging.getLogger(f"{__name__}.errors")  # to the file only: the message is on stderr already
 
@@ -298,6 +300,9 @@ def _logging(verbose: bool, file: Path | None) -> Iterator[None]:
 
 def _open_log(file: Path) -> logging.Handler:
     try:
+        if file.is_file() and (begin := file.read_bytes()[:40]) and not LOGGED.match(begin):
+            msg = f"{file} is there and is no log of Gossamer. Name another file with {option('log_file')}."
+            raise OrchestratorError(msg)
         handler = logging.FileHandler(file, encoding="utf-8")
     except OSError as error:
         msg = f"cannot write {file}: {error.strerror or error}. Name another file with {option('log_file')}."

@@ -7,12 +7,13 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
+from gossamer_files.inputs import check_outputs
 from gossamer_files.tables import TableText
 
 from .arguments import Address, AnyPath, Count, Folder, Name, Ranges, assigned, command
 from .options import ScenarioOptions
 from .results import Result
-from .working import keep_inputs, progress_bar, save_page
+from .working import progress_bar, save_page
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -150,7 +151,7 @@ def sweep(
 
     path = find_scenario(str(scenario))
     folder = Path("out") / f"{path.stem}_sweep" if out is None else Path(out)
-    keep_inputs([path], [folder / sweeps.TABLE])
+    check_outputs([folder / sweeps.TABLE])
     cases = sweeps.make_cases(sweeps.read_ranges(assigned(set, many=True)))
     times = [f"--{name}={options[name]!r}" for name in ("step", "stop") if options[name] is not None]
     fmus = str(Path(options["fmus"]).absolute())
