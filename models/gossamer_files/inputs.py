@@ -39,7 +39,11 @@ def keep(*paths: AnyPath) -> None:
     """Register files, or stores, as read by the command under way; what is neither, or not there, is passed over."""
     read = _read.get()
     if read is not None:
-        read |= {number: path for path in map(Path, paths) if (number := _number(path)) and (path.is_file() or path.suffix == STORE)}
+        read |= {
+            number: path
+            for path in map(Path, paths)
+            if (number := _number(path)) and (path.is_file() or path.suffix == STORE)
+        }
 
 
 def _number(path: Path) -> tuple[int, int] | None:
