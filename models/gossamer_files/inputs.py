@@ -64,7 +64,7 @@ def check_outputs(outputs: Iterable[AnyPath | None]) -> None:
         One of them is.
     """
     read = _read.get() or {}
-    for output in map(Path, filter(None, outputs if read else ())):
+    for output in [Path(each) for each in outputs if each is not None] if read else ():
         for place in (output, *output.resolve().parents):
             if given := read.get(_number(place) or (0, 0)):
                 msg = f"{output} would overwrite {given}, which is an input. Name another place with {option('out')}."
