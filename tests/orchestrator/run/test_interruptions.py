@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import random
 import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 
 import hostile as faults
@@ -15,7 +17,7 @@ import numpy as np
 import psutil
 import pytest
 from gossamer_orchestrator import load_results, parse_scenario, run_scenario
-from gossamer_orchestrator.run.folders import locked
+from gossamer_orchestrator.run.folders import locked, scratch
 from saving import save_results
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="sends signals as POSIX has them")
@@ -171,6 +173,34 @@ def test_what_a_killed_writer_left_in_the_folder_is_removed_at_the_next_start(tm
         path.write_text("hal")
     with locked(tmp_path):
         assert list(tmp_path.iterdir()) == [other]  # that of another command
+
+
+def test_only_temporary_folders_that_runs_left_are_removed(tmp_path, monkeypatch):
+    """Not a folder of a user, a pipe, a link to a folder, or what a run has that lives."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    mine, pipe, link = (tmp_path / f"gossamer-run-{name}" for name in ("mine", "pipe", "link"))
+    with scratch() as left:
+        shutil.copytree(left, tmp_path / "gossamer-run-left")
+    mine.mkdir()
+    (mine / "thesis").write_text("years")
+    os.mkfifo(pipe)
+    shutil.copytree(tmp_path / "gossamer-run-left", tmp_path / "elsewhere")
+    link.symlink_to(tmp_path / "elsewhere")
+    with scratch() as live, scratch() as another:
+        assert sorted(tmp_path.iterdir()) == sorted([mine, pipe, link, tmp_path / "elsewhere", live, another])
+        assert list((tmp_path / "elsewhere").iterdir())
+        assert (mine / "thesis").read_text() == "years"
+
+
+def test_where_the_file_system_has_no_locks_no_temporary_folder_is_removed(tmp_path, monkeypatch):
+    def flock(_handle, _how):
+        raise OSError(errno.ENOLCK, "no locks available")
+
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr("fcntl.flock", flock)
+    with scratch() as live, scratch():
+        assert live.is_dir()
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_ctrl_c_ends_a_run_whose_fmu_hangs(start, whole):
