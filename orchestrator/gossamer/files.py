@@ -172,7 +172,12 @@ def _nothing_at(results: Path) -> str:
 
 
 def _folder(results: AnyPath) -> Path:
-    return Path(results) if Path(results).is_dir() else Path(results).parent
+    """Return where the page and the pictures of results go: beside them, for a folder has those of one run."""
+    from gossamer_orchestrator.results.files import NETCDF, UNFINISHED_NETCDF
+
+    path = Path(results)
+    beside = path.name == UNFINISHED_NETCDF and path.with_name(NETCDF).is_file()
+    return path if path.is_dir() else path.with_suffix("") if beside else path.parent
 
 
 @command

@@ -207,7 +207,7 @@ def run(
         gossamer run my_scenario.toml --resume
     """
     from gossamer_orchestrator.results.drawing import Drawing
-    from gossamer_orchestrator.results.files import CSV, NETCDF, WATCH
+    from gossamer_orchestrator.results.files import CSV, NETCDF, UNFINISHED_WATCH, WATCH
     from gossamer_orchestrator.results.places import with_places
     from gossamer_orchestrator.run.runner import run_scenario
     from gossamer_orchestrator.scenario.source import find_scenario
@@ -226,7 +226,7 @@ def run(
             path,
             out=folder,
             progress=progress_bar(path.stem),
-            observers=[LiveWatch(folder / WATCH)] if watch else [],
+            observers=[LiveWatch(folder / UNFINISHED_WATCH)] if watch else [],
             threads=threads,
             resume=resume,
             csv=csv,

@@ -51,7 +51,7 @@ class Sweep(Result):
     @property
     def finished(self) -> list[bool]:
         """Whether each case is finished."""
-        from gossamer_orchestrator.run.sweep import is_finished
+        from gossamer_orchestrator.results.files import is_finished
 
         return [is_finished(text) for text in self.ended]
 
@@ -142,6 +142,7 @@ def sweep(
 
         gossamer sweep damaged --set "membrane.damage[1]=0:0.5:6" --scheduler tcp://192.168.0.5:8786
     """
+    from gossamer_orchestrator.results.files import is_finished
     from gossamer_orchestrator.results.places import with_places
     from gossamer_orchestrator.results.report.cases import open_cases, save_cases
     from gossamer_orchestrator.run import sweep as sweeps
@@ -184,6 +185,6 @@ def sweep(
     data = None if store is None else open_cases(store)
     if pictures:
         files += save_page(lambda: sweep_page(path.stem, cases, ended, data, folder, plot), folder)
-    first = next((folder / case.name for case, text in zip(cases, ended, strict=True) if sweeps.is_finished(text)), None)
+    first = next((folder / case.name for case, text in zip(cases, ended, strict=True) if is_finished(text)), None)
     data = None if data is None else with_places(data, first)
     return Sweep(folder=folder, cases=cases, ended=ended, data=data, files=files)

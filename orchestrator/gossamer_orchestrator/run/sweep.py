@@ -26,7 +26,7 @@ from gossamer_files import replacing, write_text
 from gossamer_files.options import option
 
 from ..errors import ResultsError, ScenarioError, require, writing
-from ..results.files import NETCDF, load_results, make_folder
+from ..results.files import NETCDF, is_finished, load_results, make_folder
 from ..scenario.schema import Given
 from ..scenario.values import read_changes
 from .folders import locked
@@ -36,11 +36,6 @@ PLAN = "sweep.json"
 
 logger = logging.getLogger(__name__)
 _running: set[subprocess.Popen[str]] = set()  # on this machine
-
-
-def is_finished(ended: str) -> bool:
-    """Tell whether a run came to its end, or an FMU ended it in peace, by the attribute ``ended`` of its results."""
-    return ended == "complete" or " ended the simulation at t = " in ended
 
 
 @dataclass(frozen=True)
