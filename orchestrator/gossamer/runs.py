@@ -83,9 +83,14 @@ class Run(Result):
 
     @property
     def valid(self) -> bool | None:
-        """Whether the last judgement of the detector and what the twin saw are valid; None if nothing was judged."""
+        """Whether the last judgement of the detector and what the twin saw are valid; None if nothing was judged.
+
+        Nothing is where a component had values that are not finite.
+        """
         from gossamer_orchestrator.results.files import is_explained, sees_enough
 
+        if self.data.attrs.get("not_finite"):
+            return False
         judged = self.judgements[-1].valid if self.judgements else None
         if self.watched is None:
             return judged

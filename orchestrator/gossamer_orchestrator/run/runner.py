@@ -22,7 +22,7 @@ from ..scenario.schema import Given, Scenario
 from .child import WAITING, Outline, RunTask
 from .folders import locked, scratch
 from .master import Observer
-from .position import DIVIDED
+from .position import DIVIDED, NOT_FINITE
 from .process import Process
 from .progress import ProgressBar
 from .stream import write_waiting
@@ -176,7 +176,8 @@ def _settle(process: Process, folder: Path, temporary: Path, wall_time: float) -
         return None, path
     error = process.error
     reason = "interrupted" if isinstance(error, KeyboardInterrupt) else str(error)
-    file.end(reason if error is not None else process.ended, wall_time, process.position[DIVIDED])
+    counts = process.position[NOT_FINITE], process.position[DIVIDED]
+    file.end(reason if error is not None else process.ended, wall_time, *counts)
     last = file.last_time()
     logger.info("%d communication points until t = %.9g s in %.1f s", file.count, last, wall_time)
     full = isinstance(error, ResultsError) and (folder / files.NETCDF).exists()
