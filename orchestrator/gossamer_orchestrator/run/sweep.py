@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
-from gossamer_files import replacing, write_text
+from gossamer_files import digest, replacing, write_text
 from gossamer_files.options import option
 
 from ..errors import ResultsError, ScenarioError, require, writing
@@ -209,8 +209,10 @@ def _ended(folder: Path) -> str:
 
 
 def _keep_plan(out: Path, cases: Sequence[Case], command: Sequence[str]) -> None:
-    """Write what the folder is a sweep of, and refuse a folder of another one."""
-    plan = {"command": list(command), "cases": [case.values for case in cases]}
+    """Write what the folder is a sweep of, files without their folders, and refuse a folder of another one."""
+    words = [Path(word).name if Path(word).is_absolute() else word for word in command]
+    scenario = digest(Path(command[1])) if Path(command[1]).is_file() else ""
+    plan = {"command": words, "scenario": scenario, "cases": [case.values for case in cases]}
     path = out / PLAN
     if path.is_file() and json.loads(path.read_text(encoding="utf-8")) != plan:
         msg = f"{out} holds another sweep. Name another folder with {option('out')}, or remove it."
