@@ -12,7 +12,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
-from gossamer_files import write_text
+from gossamer_files import uninterrupted, write_text
 from gossamer_files.options import option
 
 from ..errors import OrchestratorError, ResultsError, check_path, writing
@@ -183,7 +183,7 @@ def _settle(process: Process, folder: Path, temporary: Path, wall_time: float) -
     full = isinstance(error, ResultsError) and (folder / files.NETCDF).exists()
     if full or (error is not None and files.has_complete(folder)):
         return last, path
-    with writing(folder, ResultsError):
+    with uninterrupted(), writing(folder, ResultsError):
         _remove_earlier(folder)
         path = path.replace(folder / files.NETCDF)
         settle_shapes(folder, kept=True)
