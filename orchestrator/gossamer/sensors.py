@@ -307,8 +307,10 @@ def identify(
             origin=origin,
         )
         seconds = time.perf_counter() - begun
+        tell("writing the sensor and its predictions")
         result.fit.artifact.write(artifact)
         written = [artifact, *save_predictions(result, artifact.with_suffix(""))]
+        tell("drawing")
         written += save_pictures(result, artifact.with_suffix(""), format) if pictures else []
     found_at = "fitted" if rest_resistance is None else "given"
     rest = f"{found_at} {result.fit.rest_resistance:.6g}{UNITS[result.fit.records[0].unit]} at rest"
