@@ -1,5 +1,6 @@
 # make demo   build the FMUs, run the demo, leave results and pictures in out/
 # make test   every check and test, on a machine with nothing but Python >= 3.11 and make
+# make torture   kill and interrupt every command 50 times, which make test does a few times
 # make site   the site, out/site/index.html; opens from disk
 # make install   what every command needs, into .venv
 PYTHON ?= python3
@@ -11,7 +12,7 @@ TOOLS := $(VENV)/tools
 NOTEBOOKS := $(wildcard docs/notebooks/*.ipynb)
 SOURCES := $(shell find models fmus orchestrator -name '*.py')
 
-.PHONY: demo install test test-basilisk site bench goldens docs figures lock clean
+.PHONY: demo install test torture test-basilisk site bench goldens docs figures lock clean
 
 demo: $(STAMP)
 	$(BIN)/gossamer demo
@@ -24,6 +25,9 @@ test: $(TOOLS)
 	$(BIN)/lint-imports
 	$(BIN)/mypy
 	$(BIN)/pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
+
+torture: $(TOOLS)  # what make test does a few times: kill and interrupt every command
+	$(BIN)/pytest -m torture --kills 50 --numprocesses auto --dist loadfile
 
 site: $(TOOLS) $(NOTEBOOKS:docs/notebooks/%=docs/notebooks/out/%)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict  # with --quiet it would count no warning

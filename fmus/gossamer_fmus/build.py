@@ -33,13 +33,14 @@ import os
 import uuid
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from functools import partial
 from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Unpack
 
-from gossamer_files import write_archive
+from gossamer_files import replacing, uninterrupted, write_archive
 from gossamer_files.options import option
 from gossamer_models import GossamerError, ParameterError, StepModel
 
@@ -182,9 +183,11 @@ def build_models(
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(compile_one, product(platforms, fmus)))
     paths = {name: folder / f"{name}.fmu" for name in fmus}
-    for name, members in fmus.items():
-        ordered = sorted(members.items(), key=lambda item: (item[0] != "modelDescription.xml", item[0]))
-        write_archive(paths[name], dict(ordered))
+    with uninterrupted(), ExitStack() as set_of_all:  # they take their places together, or none does
+        unfinished = {name: set_of_all.enter_context(replacing(path)) for name, path in paths.items()}
+        for name, members in fmus.items():
+            ordered = sorted(members.items(), key=lambda item: (item[0] != "modelDescription.xml", item[0]))
+            write_archive(unfinished[name], dict(ordered))
     return paths
 
 

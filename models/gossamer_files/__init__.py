@@ -8,16 +8,20 @@ from __future__ import annotations
 import errno
 import math
 import os
+import signal
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from glob import escape
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 from .errors import DataError as DataError
 from .errors import GossamerError as GossamerError
+from .inputs import check_outputs
 
 STALE = 3600.0  # [s] without a change: its writer was killed
 
@@ -49,7 +53,10 @@ def replacing(path: Path) -> Iterator[Path]:
     ------
     OSError
         It cannot be written; what was there is still there.
+    OverwriteError
+        The command under way reads it.
     """
+    check_outputs([path])
     target = path.resolve()
     if target.exists() and not target.is_file():  # a device, or a folder, which then refuses
         yield target
@@ -69,6 +76,23 @@ def replacing(path: Path) -> Iterator[Path]:
         unfinished.replace(target)
     finally:
         unfinished.unlink(missing_ok=True)
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Let a signal that asks for the end wait for that of the ``with`` block: several files change together in it."""
+    held: list[tuple[int, FrameType | None]] = []
+    numbers = [signal.SIGINT, signal.SIGTERM] if threading.current_thread() is threading.main_thread() else []
+    handlers = {number: handler for number in numbers if callable(handler := signal.getsignal(number))}
+    try:
+        for number in handlers:
+            signal.signal(number, lambda *which: held.append(which))
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+    for which, frame in held[:1]:
+        handlers[signal.Signals(which)](which, frame)
 
 
 def write_text(path: Path, text: str) -> None:

@@ -190,6 +190,7 @@ def identify_files(
         Fit and errors; the artifact carries its provenance.
     """
     settings = settings or PreisachSettings()
+    progress("reading")
     read = read_records(paths, columns, weights)
     recognised(read)
     records = thin(read)
@@ -253,6 +254,7 @@ def identify_files(
         cycled = tuple(cycled_range(fit, record) for record in fit.records)
         doubted += filter(None, (cycled_doubt(r.name, size) for r, size in zip(fit.records, cycled, strict=True)))
     strains = [found.strain for found in recovered] or None
+    progress("comparing with the records")
     errors = stretch_errors(fit.records, fit.predicted, fit.train, fit.rest_resistance, strains)
     progress("training rivals")
     doubted += [text for found, record in zip(recovered, fit.records, strict=False) if (text := _delayed(found, record))]

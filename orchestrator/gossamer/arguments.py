@@ -21,6 +21,7 @@ from types import UnionType
 from typing import Annotated, Any, Literal, ParamSpec, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from gossamer_files import GossamerError
+from gossamer_files.inputs import keeping
 from gossamer_files.options import option
 from gossamer_orchestrator.errors import OrchestratorError, require
 
@@ -171,6 +172,8 @@ def declared(function: Callable[..., Any]) -> dict[str, Argument]:
 def command(function: Callable[P, R]) -> Callable[P, R]:
     """Make a function a command: its arguments are checked, and what goes wrong is an ``OrchestratorError``.
 
+    The files that are its arguments, but for ``out``, are not written over while it works.
+
     Options that it shares stand in its signature and in its docstring, each as if it were the function's own.
     """
     taken = declared(function)
@@ -194,7 +197,8 @@ def command(function: Callable[P, R]) -> Callable[P, R]:
             msg = f"{function.__name__}() {error}{hint}"
             raise TypeError(msg) from None
         checked: Any = {name: check(taken[name], value) for name, value in given.items()}
-        with expected_errors(taken):
+        read = [value for name, value in checked.items() if name != "out" and os.PathLike in taken[name].kinds]
+        with expected_errors(taken), keeping(*(path for value in read for path in several(value))):
             return function(**checked)  # type: ignore[call-arg]
 
     call.__signature__ = signature  # type: ignore[attr-defined]

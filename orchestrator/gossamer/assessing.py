@@ -7,12 +7,14 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
+from gossamer_files.inputs import check_outputs
+
 from .arguments import Count, File, Files, Folder, Form, Names, Values, command, several
 from .options import ColumnOptions
 from .plans import judged_on
 from .records import histories, tell_recognised
 from .results import Result, by_label, first_of
-from .working import keep_inputs, progress_bar, save_page
+from .working import progress_bar, save_page
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -172,7 +174,7 @@ def assess(
     from .pages.sensors import assessment_page
 
     artifact, paths, folder = Path(sensor), [Path(path) for path in several(files)], Path(out)
-    keep_inputs([artifact, *paths], [folder, *(table_path(folder, each.name) for each in paths)])
+    check_outputs([folder, *(table_path(folder, each.name) for each in paths)])
     begun = time.perf_counter()
     with progress_bar("assess") as bar:
         judged = judge_files(
@@ -329,7 +331,7 @@ def assess_detector(
     from .pages.detectors import assessment_page
 
     folder, artifacts, only = Path(out), [Path(path) for path in several(artifact)], several(conditions)
-    keep_inputs([*artifacts, setup, mesh], (folder / name for name in ("assessment.json", "assessment.npz")))
+    check_outputs(folder / name for name in ("assessment.json", "assessment.npz"))
     with progress_bar("assessment") as bar:
         bar.update(text="reading detectors,")
         plan = judged_on(artifacts, setup, mesh, set)

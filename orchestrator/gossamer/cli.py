@@ -14,7 +14,7 @@ import shlex
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -45,6 +45,8 @@ COMMON = {  # options of all commands: how they are written, and the help
     "verbose": (("--verbose", "-v"), bool, "Print what is done, and how long it takes."),
     "log_file": (("--log-file",), Path, "Append to this file what --verbose prints, warnings and errors, with times."),
 }
+
+LOGGED = re.compile(rb"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d,\d{3} [A-Z]+ |$")  # what a log begins with
 
 _log = logging.getLogger(__name__)
 _log_of_errors = logging.getLogger(f"{__name__}.errors")  # to the file only: the message is on stderr already
@@ -299,6 +301,12 @@ def _logging(verbose: bool, file: Path | None) -> Iterator[None]:
 def _open_log(file: Path) -> logging.Handler:
     try:
         handler = logging.FileHandler(file, encoding="utf-8")
+        with file.open("rb") if file.is_file() else nullcontext() as there:
+            begin = b"" if there is None else there.read(40)
+        if not LOGGED.match(begin):
+            handler.close()
+            msg = f"{file} is there and is no log of Gossamer. Name another file with {option('log_file')}."
+            raise OrchestratorError(msg)
     except OSError as error:
         msg = f"cannot write {file}: {error.strerror or error}. Name another file with {option('log_file')}."
         raise OrchestratorError(msg) from error

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Unpack
 
+from gossamer_files.inputs import check_outputs
 from gossamer_files.options import option
 from gossamer_files.tables import TableText
 from gossamer_orchestrator.errors import OrchestratorError, require
@@ -15,7 +16,7 @@ from .arguments import Address, AnyPath, Count, File, Folder, Seconds, command
 from .options import PlanOptions
 from .plans import given, planned
 from .results import Saved, by_label
-from .working import json_file, keep_inputs, progress_bar, save_page
+from .working import json_file, progress_bar, save_page
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -131,8 +132,7 @@ def campaign(
     from .descriptions import locating
     from .pages.campaign import campaign_page
 
-    if out is not None:
-        keep_inputs([campaign, plan.get("setup"), plan.get("mesh"), plan.get("load")], [Path(out)])
+    check_outputs([out])
     wanted, source, name = planned(campaign, None, **plan)
     store = Path("out/campaigns") / f"{name}.zarr" if out is None else Path(out)
     bar = progress_bar(name)
@@ -264,7 +264,7 @@ def train(
             raise OrchestratorError(msg)
         return _train_thesis(str(source or "single"), out)
     path = None if out is None else json_file(out)
-    keep_inputs([source, start, plan.get("setup"), plan.get("mesh"), plan.get("load")], [out, path])
+    check_outputs([out, path])
     from gossamer_models.assessment.figures import errors, held_out_verdicts
     from gossamer_models.detector import PosteriorArtifact
     from gossamer_models.detector.posterior_records import Training

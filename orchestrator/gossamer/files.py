@@ -9,12 +9,13 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gossamer_files.inputs import check_outputs, keep
 from gossamer_files.options import option
 from gossamer_orchestrator.errors import ResultsError, ScenarioError
 from gossamer_orchestrator.scenario.source import INSPECTION, find_scenario, shipped_scenarios, write_new
 
 from .arguments import AnyPath, File, FmiVersion, Folder, Form, command
-from .working import keep_inputs, kinds_of, say
+from .working import kinds_of, say
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -171,7 +172,12 @@ def _nothing_at(results: Path) -> str:
 
 
 def _folder(results: AnyPath) -> Path:
-    return Path(results) if Path(results).is_dir() else Path(results).parent
+    """Return where the page and the pictures of results go: beside them, for a folder has those of one run."""
+    from gossamer_orchestrator.results.files import NETCDF, UNFINISHED_NETCDF
+
+    path = Path(results)
+    beside = path.name == UNFINISHED_NETCDF and path.with_name(NETCDF).is_file()
+    return path if path.is_dir() else path.with_suffix("") if beside else path.parent
 
 
 @command
@@ -336,7 +342,8 @@ def _write(
     target = Path("out") / f"{path.stem}{ending}" if out is None else Path(out)
     with open_scenario(path) as opened, _naming_shipped(path):
         packed = [opened.fmu_path(component, Path(fmus)) for component in opened.components]
-        keep_inputs([path, *packed], [target])
+        keep(*packed)
+        check_outputs([target])
         written = write(opened, Path(fmus), target)
         say(f"packed: {kinds_of(packed)}")
     return written

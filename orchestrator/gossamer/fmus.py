@@ -7,12 +7,13 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gossamer_files.inputs import check_outputs
 from gossamer_files.options import option
 from gossamer_orchestrator.errors import FmuError, require
 
 from .arguments import File, FmiVersion, Folder, Name, Names, Scales, command, several
 from .results import Result
-from .working import keep_inputs, kinds_of, need_setup, say, stderr
+from .working import kinds_of, need_setup, say, stderr
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -157,7 +158,7 @@ def build(
         msg = f"{option('frame', True)} puts the membrane on a frame: name it, as in 'gossamer build membrane --frame'."
         raise FmuError(msg)
     wanted = ["framed_membrane" if frame and name == "membrane" else name for name in wanted]
-    keep_inputs([artifact, setup, mesh], [Path(out) / f"{name}.fmu" for name in wanted])
+    check_outputs(Path(out) / f"{name}.fmu" for name in wanted)
     structure = None
     if setup is not None:
         from .descriptions import load_structure

@@ -11,6 +11,7 @@ from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gossamer_files.inputs import check_outputs
 from gossamer_files.options import option
 from gossamer_orchestrator.errors import require
 from gossamer_orchestrator.words import counted
@@ -18,7 +19,7 @@ from gossamer_orchestrator.words import counted
 from .arguments import AnyPath, File, command
 from .options import TwinOptions
 from .results import INVALID, Saved, as_png, zone_coordinates
-from .working import keep_inputs, progress_bar, save_page
+from .working import progress_bar, save_page
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -245,7 +246,7 @@ def inspect(what: AnyPath, *, setup: File | None = None, out: File | None = None
     else:
         plan, _ = load_plan(source)
         folder, title = Path("out") / source.stem if out is None else Path(out), plan.title or source.stem
-        keep_inputs([source], [folder / CSV_FILE])
+        check_outputs([folder / CSV_FILE])
         msg = f"{source.name} names its setup itself. Leave {option('setup')} out."
         require(structure is None, msg)
         structure = load_structure(plan.setup) if plan.setup else square_structure()

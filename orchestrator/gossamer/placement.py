@@ -6,13 +6,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gossamer_files.inputs import check_outputs
 from gossamer_files.options import option
 from gossamer_files.tables import TableText
 
 from .arguments import Count, CountOrNone, File, Folder, NamesWithCommas, NotNegative, Values, assigned, command, names_of
 from .records import numbers_by_name
 from .results import Saved, first_of, zone_coordinates
-from .working import keep_inputs, need_setup, progress_bar, save_page
+from .working import need_setup, progress_bar, save_page
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -296,7 +297,7 @@ def place_sensors(
 
     folder = Path(out)
     table, picture, sensors = (folder / name for name in ("placement.csv", "placement.png", "sensors.toml"))
-    keep_inputs([setup, mesh, load], [table, picture, sensors])
+    check_outputs([table, picture, sensors])
     bar = progress_bar("place-sensors")
     acting = {}
     if setup is None:

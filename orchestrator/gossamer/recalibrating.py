@@ -7,14 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gossamer_files.inputs import check_outputs, keep
 from gossamer_orchestrator.errors import require
 from gossamer_orchestrator.words import counted
 
 from .arguments import AnyPath, File, several
 from .options import TwinOptions
-from .records import file_of, find_record
+from .records import files_of, find_record
 from .results import Saved
-from .working import keep_inputs, progress_bar
+from .working import progress_bar
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -110,7 +111,8 @@ def recalibrated_from(
         bar.update(text="reading,")
         found = find_record(paths[0], options)
         numbers = range(1, found.structure.n_sensors + 1)
-        keep_inputs([file_of(paths[0]), sensor, setup], [out / f"sensor_{k}.json" for k in numbers])
+        keep(*files_of(paths[0]))
+        check_outputs(out / f"sensor_{k}.json" for k in numbers)
         errors = None
         if setup is not None and not found.of_run and not found.structure.starts_in_plane:
             errors = MeshErrors(found.structure, found.parameters)

@@ -226,9 +226,11 @@ def beside(record: Path, name: str) -> Path:
     return (record if record.is_dir() else record.parent) / name
 
 
-def file_of(record: Path) -> Path:
-    """Return the file of a record that may be given as the folder of a run."""
-    return beside(record, "results.nc") if record.is_dir() else record
+def files_of(record: Path) -> list[Path]:
+    """Return the file of a record, or those of the run that are in a folder."""
+    from gossamer_orchestrator.results.files import RECORDED
+
+    return [record / name for name in RECORDED] if record.is_dir() else [record]
 
 
 def name_of(record: Path) -> str:

@@ -83,9 +83,14 @@ class Run(Result):
 
     @property
     def valid(self) -> bool | None:
-        """Whether the last judgement of the detector and what the twin saw are valid; None if nothing was judged."""
+        """Whether the last judgement of the detector and what the twin saw are valid; None if nothing was judged.
+
+        Nothing is where a component had values that are not finite.
+        """
         from gossamer_orchestrator.results.files import is_explained, sees_enough
 
+        if self.data.attrs.get("not_finite"):
+            return False
         judged = self.judgements[-1].valid if self.judgements else None
         if self.watched is None:
             return judged
@@ -207,7 +212,7 @@ def run(
         gossamer run my_scenario.toml --resume
     """
     from gossamer_orchestrator.results.drawing import Drawing
-    from gossamer_orchestrator.results.files import CSV, NETCDF, WATCH
+    from gossamer_orchestrator.results.files import CSV, NETCDF, UNFINISHED_WATCH, WATCH
     from gossamer_orchestrator.results.places import with_places
     from gossamer_orchestrator.run.runner import run_scenario
     from gossamer_orchestrator.scenario.source import find_scenario
@@ -226,7 +231,7 @@ def run(
             path,
             out=folder,
             progress=progress_bar(path.stem),
-            observers=[LiveWatch(folder / WATCH)] if watch else [],
+            observers=[LiveWatch(folder / UNFINISHED_WATCH)] if watch else [],
             threads=threads,
             resume=resume,
             csv=csv,

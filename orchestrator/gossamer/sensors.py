@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack, cast
 
+from gossamer_files.inputs import check_outputs
 from gossamer_files.options import option
 from gossamer_orchestrator.errors import OrchestratorError, require
 
@@ -18,7 +19,7 @@ from .options import ColumnOptions, FitOptions
 from .recalibrating import Recalibration, recalibrated_from
 from .records import histories, tell_recognised
 from .results import Saved, first_of
-from .working import TERMINAL, json_file, keep_inputs, progress_bar, save_page
+from .working import TERMINAL, json_file, progress_bar, save_page
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -261,12 +262,13 @@ def identify(
     from gossamer_models.automatic import BUDGET
     from gossamer_models.fitting import Columns
     from gossamer_models.identify import AUTO, identify_files, save_pictures, save_predictions, settings_for
+    from gossamer_models.replay import table_path
     from gossamer_models.tables import UNITS
 
     from .pages.sensors import identification_page
 
     paths, artifact = [Path(path) for path in several(files)], json_file(out)
-    keep_inputs(paths, [out, artifact])
+    check_outputs([out, artifact, *(table_path(artifact.with_suffix(""), path.name) for path in paths)])
     begun = time.perf_counter()
     chosen: dict[str, Any] = {name: value for name, value in options.items() if value is not None and value is not False}
     columns = {name: chosen.pop(name) for name in ColumnOptions.__annotations__ if name in chosen}
@@ -305,8 +307,10 @@ def identify(
             origin=origin,
         )
         seconds = time.perf_counter() - begun
+        tell("writing the sensor and its predictions")
         result.fit.artifact.write(artifact)
         written = [artifact, *save_predictions(result, artifact.with_suffix(""))]
+        tell("drawing")
         written += save_pictures(result, artifact.with_suffix(""), format) if pictures else []
     found_at = "fitted" if rest_resistance is None else "given"
     rest = f"{found_at} {result.fit.rest_resistance:.6g}{UNITS[result.fit.records[0].unit]} at rest"

@@ -7,12 +7,13 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
+from gossamer_files.inputs import check_outputs
 from gossamer_files.tables import TableText
 
 from .arguments import Address, AnyPath, Count, Folder, Name, Ranges, assigned, command
 from .options import ScenarioOptions
 from .results import Result
-from .working import keep_inputs, progress_bar, save_page
+from .working import progress_bar, save_page
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -50,7 +51,7 @@ class Sweep(Result):
     @property
     def finished(self) -> list[bool]:
         """Whether each case is finished."""
-        from gossamer_orchestrator.run.sweep import is_finished
+        from gossamer_orchestrator.results.files import is_finished
 
         return [is_finished(text) for text in self.ended]
 
@@ -141,6 +142,7 @@ def sweep(
 
         gossamer sweep damaged --set "membrane.damage[1]=0:0.5:6" --scheduler tcp://192.168.0.5:8786
     """
+    from gossamer_orchestrator.results.files import is_finished
     from gossamer_orchestrator.results.places import with_places
     from gossamer_orchestrator.results.report.cases import open_cases, save_cases
     from gossamer_orchestrator.run import sweep as sweeps
@@ -150,7 +152,7 @@ def sweep(
 
     path = find_scenario(str(scenario))
     folder = Path("out") / f"{path.stem}_sweep" if out is None else Path(out)
-    keep_inputs([path], [folder / sweeps.TABLE])
+    check_outputs([folder / sweeps.TABLE])
     cases = sweeps.make_cases(sweeps.read_ranges(assigned(set, many=True)))
     times = [f"--{name}={options[name]!r}" for name in ("step", "stop") if options[name] is not None]
     fmus = str(Path(options["fmus"]).absolute())
@@ -183,6 +185,6 @@ def sweep(
     data = None if store is None else open_cases(store)
     if pictures:
         files += save_page(lambda: sweep_page(path.stem, cases, ended, data, folder, plot), folder)
-    first = next((folder / case.name for case, text in zip(cases, ended, strict=True) if sweeps.is_finished(text)), None)
+    first = next((folder / case.name for case, text in zip(cases, ended, strict=True) if is_finished(text)), None)
     data = None if data is None else with_places(data, first)
     return Sweep(folder=folder, cases=cases, ended=ended, data=data, files=files)

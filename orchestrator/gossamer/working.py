@@ -1,10 +1,10 @@
-"""What commands share while they work: what they say, and what they write: inputs are kept, the page comes last."""
+"""What commands share while they work: what they say, and what they write: the page comes last."""
 
 from __future__ import annotations
 
 import logging
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -72,28 +72,6 @@ def say(text: str, level: int = logging.INFO) -> None:
         logger.log(level, "%s", text)
     elif not TERMINAL.quiet:
         print(text, file=sys.stderr)
-
-
-def keep_inputs(inputs: Iterable[str | PathLike[str] | None], outputs: Iterable[str | PathLike[str] | None]) -> None:
-    """Refuse to write over what a command reads, under whatever name.
-
-    Parameters
-    ----------
-    inputs, outputs : iterable of path or None
-        Files or folders, by relative paths, links or otherwise; None is passed over.
-
-    Raises
-    ------
-    OrchestratorError
-        An output is an input, or lies in one that is a folder.
-    """
-    read = [Path(path) for path in inputs if path is not None]
-    for output in (Path(path) for path in outputs if path is not None):
-        for given in read:
-            same = output.exists() and given.exists() and output.samefile(given)
-            if same or output.resolve().is_relative_to(given.resolve()):
-                msg = f"{output} would overwrite {given}, which is an input. Name another place with {option('out')}."
-                raise OrchestratorError(msg)
 
 
 def need_setup(**given: object) -> None:

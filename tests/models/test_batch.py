@@ -4,9 +4,11 @@ The peer of every number is ``Stepper``, which runs one case in CasADi's virtual
 """
 
 import logging
+import os
 import pickle
 import subprocess
 import sys
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -347,6 +349,17 @@ def test_another_process_needs_no_model(tmp_path):
     command = [sys.executable, "-c", program, tmp_path / "batch"]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == batch.run(3, 0.1, {"push": [1.0, 2.0]}).results.tobytes().hex()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends signals as POSIX has them")
+def test_two_interrupts_leave_no_thread_that_writes_into_arrays_of_others(kills):
+    """The memory of a run that was left would be given to what comes next, while C still fills it."""
+    command = [sys.executable, Path(__file__).with_name("interrupted_twice.py"), str(2 * (kills or 3))]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    interrupted, changed = map(int, done.stdout.split())
+    assert interrupted > 0
+    assert changed == 0
 
 
 def test_a_kernel_that_is_gone_is_refused(own_cache):

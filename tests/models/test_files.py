@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import signal
 import time
+from contextlib import ExitStack
 
 import numpy as np
 import pytest
-from gossamer_files import replacing
+from gossamer_files import replacing, uninterrupted
 from gossamer_models import ArtifactError
 from gossamer_models.artifacts import read_arrays, read_artifact, write_artifact
 
@@ -104,3 +106,31 @@ def test_an_artifact_that_cannot_be_read_is_refused_in_words(tmp_path, content, 
         path.write_bytes(content if isinstance(content, bytes) else content.encode())
     with pytest.raises(ArtifactError, match=f"sensor.json: {why}. Make it again"):
         read_artifact(path, "test", 1)
+
+
+def test_a_signal_waits_until_files_that_belong_together_are_written(tmp_path):
+    def write():
+        with uninterrupted(), ExitStack() as both:
+            first, second = (both.enter_context(replacing(tmp_path / name)) for name in ("a", "b"))
+            first.write_text("new")
+            signal.raise_signal(signal.SIGINT)
+            second.write_text("new")
+
+    with pytest.raises(KeyboardInterrupt):
+        write()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b"]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_of_files_that_belong_together_all_are_written_or_none(tmp_path):
+    def write():
+        with ExitStack() as both:
+            for name in ("a", "b"):
+                both.enter_context(replacing(tmp_path / name)).write_text("new")
+            raise OSError(28, "no space")
+
+    for name in ("a", "b"):
+        (tmp_path / name).write_text("old")
+    with pytest.raises(OSError, match="no space"):
+        write()
+    assert [(tmp_path / name).read_text() for name in ("a", "b")] == ["old", "old"]

@@ -14,6 +14,7 @@ from gossamer_models.twin.record import still_sensors
 from gossamer_models.twin.simulation import SensedForward
 from gossamer_models.twin.watch import SURE, Watch
 from scipy.special import chdtri
+from threadpoolctl import threadpool_info, threadpool_limits
 
 SQUARE = square_structure(4, 1)  # coarse, so that a window costs little; twin and truth have the same
 STEP, SAMPLES, WINDOWS = 3e-4, 167, 9
@@ -33,6 +34,21 @@ def strains(onset, zone, depth, load=1.0):
 
 def windows(watch, readings):
     return [watch.advance(part) for part in np.split(readings, WINDOWS, axis=1)]
+
+
+def test_whatever_threads_there_are_one_judges_a_window(monkeypatch):
+    """So that sums are in one order, and the answer has the same bits on every machine."""
+    watch, threads = Watch(NOISE, SQUARE), set()
+    advance = watch._sensed.advance
+
+    def counting(*arguments):
+        threads.update(each["num_threads"] for each in threadpool_info() if each["user_api"] == "blas")
+        return advance(*arguments)
+
+    monkeypatch.setattr(watch._sensed, "advance", counting)
+    with threadpool_limits(2):
+        watch.advance(noisy(strains(0.0, 1, 0.0), 1)[:, :SAMPLES])
+    assert threads == {1}
 
 
 def noisy(readings, seed):

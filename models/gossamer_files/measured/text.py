@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import NamedTuple, TextIO
 
 from .. import DataError, reason
+from ..inputs import keep
 from .units import is_unit
 
 MOST_PREAMBLE = 200  # lines above the header
@@ -182,6 +183,7 @@ def open_table(path: Path, check: Callable[[list[str], int], object]) -> Table:
     OSError, UnicodeError, csv.Error
         The file cannot be read.
     """
+    keep(path)
     encoding = _encoding(path)
     with path.open(encoding=encoding, newline="") as file:
         lines = [line.strip("\r\n") for line in islice(file, MOST_PREAMBLE)]

@@ -8,7 +8,7 @@ import hashlib
 import platform
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -105,7 +105,10 @@ class Kernel:
         return Kernel, (self._file, self._processor)
 
     def run(self, task: Task, workers: int) -> None:
-        """Fill the arrays of a run, blocks of eight cases in parallel threads; an interrupt waits for one block each."""
+        """Fill the arrays of a run, blocks of eight cases in parallel threads.
+
+        An interrupt waits for one block each, a second one too: C must not write into arrays that nobody has any more.
+        """
         cases = len(task.x)
         records = (_Record * len(task.records))(
             *(_Record(place, 0 if len(values) == 1 else task.steps, _at(values)) for place, values in task.records)
@@ -114,7 +117,7 @@ class Kernel:
         run = _Run(cases, task.steps, task.every, len(task.records), task.starts, task.h, records, *arrays)
         blocks = iter(range(-(-cases // LANES)))
 
-        def work() -> None:
+        def work(_held: object = (task, records)) -> None:  # while a thread works, wherever an interrupt has led its caller
             memory = ctypes.create_string_buffer(self._memory_size)
             for i in blocks:  # shared by the threads
                 self._run_blocks(ctypes.byref(run), memory, i, i + 1)  # without the interpreter's lock
@@ -123,13 +126,18 @@ class Kernel:
         if threads == 1:
             work()
             return
+        interrupt = None
         with ThreadPoolExecutor(threads) as pool:
-            try:
-                for each in [pool.submit(work) for _ in range(threads)]:
-                    each.result()
-            finally:
-                for _ in blocks:  # after an interrupt: leave the others nothing to do
-                    pass
+            working = [pool.submit(work) for _ in range(threads)]
+            while not all(each.done() for each in working):
+                try:
+                    wait(working)
+                except KeyboardInterrupt as error:
+                    interrupt = error
+                    for _ in blocks:  # leave the threads nothing to do
+                        pass
+        if interrupt is not None:
+            raise interrupt
 
 
 def _at(array: Cube) -> ctypes._Pointer[ctypes.c_double]:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from gossamer_files.inputs import keep
 from gossamer_files.options import option
 from numpy.typing import NDArray
 
@@ -85,6 +86,7 @@ def read_mesh(path: Path, scale: float = 1.0) -> MeshFile:
     if (size := path.stat().st_size) > MOST_BYTES:  # reading it would take minutes
         msg = f"{path.name} holds {size / 1e6:.0f} MB, far more than {MOST_ELEMENTS} elements. Mesh it more coarsely."
         raise DataError(msg)
+    keep(path)
     try:
         with redirect_stdout(io.StringIO()):  # meshio prints an empty line beside a gmsh file
             mesh = meshio.read(path)

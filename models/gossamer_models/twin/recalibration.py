@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import lsq_linear
+from threadpoolctl import threadpool_limits
 
 from ..arrays import Vector
 from ..errors import DataError, ParameterError, require
@@ -96,7 +97,8 @@ def recalibrate(answer: Answer, bank: SensorBank, origin: str = "") -> dict[int,
     for k in np.flatnonzero(present):
         alone = SensorBank(bank.artifact, 1, 0.0, {name: value[k] for name, value in bank.parameters.items()})
         noise = float(np.broadcast_to(answer.record.noise if answer.record.noise is not None else np.nan, present.shape)[k])
-        found[int(k) + 1] = _again(alone, answer.strain[k], answer.record.values[k], noise, answer.record.step, origin)
+        with threadpool_limits(1):  # the same bits with any number of threads
+            found[int(k) + 1] = _again(alone, answer.strain[k], answer.record.values[k], noise, answer.record.step, origin)
     return found
 
 

@@ -354,11 +354,11 @@ class Twin:
         DataError, ParameterError
             As ``fit``.
         """
-        record = self._usable(record)[0]
-        problem = self._problem(record, report)
-        (point,) = problem.points(np.zeros((1, problem.size)))
-        free = np.ones(problem.size, dtype=bool)
-        A = problem.about(point, free, problem.derivatives(point, free)).A
+        with threadpool_limits(1):  # the error of the mesh is kept for the fit
+            problem = self._problem(self._usable(record)[0], report)
+            (point,) = problem.points(np.zeros((1, problem.size)))
+            free = np.ones(problem.size, dtype=bool)
+            A = problem.about(point, free, problem.derivatives(point, free)).A
         return untold(without_nuisances(A, problem.zones)[: problem.whole, : problem.whole], self.names)
 
     def _usable(self, record: ResponseRecord) -> tuple[ResponseRecord, list[str]]:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import solve_triangular
 from scipy.special import chdtri
+from threadpoolctl import threadpool_limits
 
 from ..arrays import Matrix, Rows, Vector
 from ..errors import ConvergenceError, DataError, ParameterError
@@ -177,6 +178,10 @@ class Watch:
         ConvergenceError
             The simulation has failed.
         """
+        with threadpool_limits(1):  # the same bits with any number of threads
+            return self._judged(readings, loads)
+
+    def _judged(self, readings: ArrayLike, loads: Mapping[str, Vector] | None) -> Window:
         y = np.array(readings, dtype=float)
         sensors, zones = len(self._sigma), len(self.zones)
         if y.ndim != 2 or y.shape[0] != sensors or y.shape[1] < zones + sensors:
@@ -245,7 +250,7 @@ class Watch:
             self._rounds, self._share = self._rounds + 1, share
             self._z = np.clip(self._z + moves, -BEYOND, BEYOND)
             self._onsets, self._evidence, self._error = self._onsets[:0], None, None
-            return self.advance(readings, known)  # the first window again, with better nuisances
+            return self._judged(readings, known)  # the first window again, with better nuisances
         scale = max(1.0, *self._scores) if self._scores else math.inf
         threshold = float(chdtri(1.0, self._false_alarms / self._evidence.scores.size))
         evidence = self._evidence.scores.max(axis=0) / scale / threshold

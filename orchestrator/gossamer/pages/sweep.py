@@ -13,8 +13,9 @@ import xarray as xr
 from gossamer_files.charts import Array, Chart, Trace, curve, heat, points, section
 from gossamer_orchestrator.pages import PAGE, Page, link, table
 from gossamer_orchestrator.results.dataset import find_all
+from gossamer_orchestrator.results.files import is_finished
 from gossamer_orchestrator.results.judgements import LEAST_SHOWN, Judgement, windows_of
-from gossamer_orchestrator.run.sweep import Case, is_finished
+from gossamer_orchestrator.run.sweep import Case
 from numpy.typing import NDArray
 
 CURVES = 12  # cases whose curves are drawn

@@ -182,11 +182,17 @@ class Instance:
         self._time = time
         status = self._do_step(self._component, time, size, 0)
         if status <= WARNING:
+            self._worry(status)
             return True
         if status == DISCARD:
             return self._has_ended(time.value + size.value)
         self._check(status, "failed")
         return False
+
+    def _worry(self, status: int) -> None:
+        """Note that a step returned a warning, unless the FMU has said of what."""
+        if status == WARNING and not self.log.first_warning:
+            self.log.add(0, WARNING, b"", b"its step returned a warning without a message")
 
     def _has_ended(self, end: float) -> bool:
         """After a discarded step: tell whether the FMU has ended the simulation at the step's end [s], not before.

@@ -94,6 +94,7 @@ class Instance3(Instance):
                 if status != DISCARD:
                     self._check(status, "failed")
                 return False
+            self._worry(status)
             self._reached = end
             if not self._any.value:
                 return True

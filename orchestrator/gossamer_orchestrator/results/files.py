@@ -3,8 +3,9 @@
 ``results.nc`` (netCDF 3, any tool reads it) holds everything including the scenario's text; ``results.csv`` has a column per
 scalar, named ``component.variable [unit]``. While a run goes on, and after its program was killed, ``unfinished.nc`` takes
 the place of ``results.nc``: the rows so far, with the attribute ``ended`` "unfinished"; ``unfinished.npz`` is the state to
-resume from. A file that was there is replaced when the new one is complete, and not before. ``watch.json`` is what the
-digital twin found that watched the run.
+resume from. Results of a complete run are replaced by those of a complete run only: of one that ended early they stay in
+``unfinished.nc`` beside them. What was made of earlier results, a page, pictures and what a twin found, goes with them.
+``watch.json`` is what the digital twin found that watched the run.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ logger = logging.getLogger(__name__)
 
 NETCDF, CSV = "results.nc", "results.csv"
 MESSAGES = "messages.txt"  # warnings of the run, a line each
-UNFINISHED_NETCDF, RESUME = "unfinished.nc", "unfinished.npz"
+UNFINISHED_NETCDF, RESUME, UNFINISHED_WATCH = "unfinished.nc", "unfinished.npz", "unfinished_watch.json"
 RECORDED = (NETCDF, UNFINISHED_NETCDF, CSV)  # files that hold results
 CSV_VALUES = 10_000_000  # above, a CSV file is written on demand only
 MAKE_SOME = "Make them with 'gossamer run'."
@@ -88,9 +89,10 @@ def _write_csv(data: xr.Dataset, path: Path) -> None:
 def load_results(path: Path) -> xr.Dataset:
     """Read results from ``results.nc``, ``results.csv`` or a folder that holds them.
 
-    A CSV file gives the same variables and units, without descriptions and provenance. A folder gives its last run: that is
-    ``unfinished.nc`` if its program was killed or is still running, which a warning says. Results above 20 MB stay on the
-    disk until they are used, and have no index: select by place, or call ``set_xindex``.
+    A CSV file gives the same variables and units, without descriptions and provenance. A folder gives the results of a
+    complete run, or else its last run: that is ``unfinished.nc`` if its program was killed or is still running. A warning
+    says that there is such a file. Results above 20 MB stay on the disk until they are used, and have no index: select by
+    place, or call ``set_xindex``.
 
     Raises
     ------
@@ -100,7 +102,10 @@ def load_results(path: Path) -> xr.Dataset:
     path = Path(path)
     check_path(path, ResultsError)
     if path.is_dir():
-        folder, path = path, _last_run(path)
+        folder, path = path, results_in(path)
+        if _has_unfinished(folder):
+            instead = f" {path}, of an earlier one, is read." * (path.name == NETCDF)
+            logger.warning("%s is of a run that has not finished.%s", folder / UNFINISHED_NETCDF, instead)
         if not path.is_file():
             msg = f"the folder {folder} has no results. {others(folder) or MAKE_SOME}"
             raise ResultsError(msg)
@@ -146,14 +151,29 @@ def others(path: Path, names: Sequence[str] = RECORDED) -> str:
     return ""
 
 
-def _last_run(folder: Path) -> Path:
-    """Return the results of the last run into a folder."""
-    unfinished = folder / UNFINISHED_NETCDF
-    if not unfinished.is_file() or not has_rows(unfinished):
-        return folder / NETCDF
-    earlier = f" The results of an earlier run are in {folder / NETCDF}." if (folder / NETCDF).is_file() else ""
-    logger.warning("%s is of a run that has not finished.%s", unfinished, earlier)
-    return unfinished
+def results_in(folder: Path) -> Path:
+    """Return the results in a folder: those that the page and the pictures beside them are of."""
+    return folder / (UNFINISHED_NETCDF if _has_unfinished(folder) and not has_complete(folder) else NETCDF)
+
+
+def _has_unfinished(folder: Path) -> bool:
+    return (folder / UNFINISHED_NETCDF).is_file() and has_rows(folder / UNFINISHED_NETCDF)
+
+
+def is_finished(ended: str) -> bool:
+    """Tell whether a run came to its end, or an FMU ended it in peace, by the attribute ``ended`` of its results."""
+    return ended == "complete" or " ended the simulation at t = " in ended
+
+
+def has_complete(folder: Path) -> bool:
+    """Tell whether a folder has results that nothing but complete ones may replace; what cannot be read may be."""
+    if not (folder / NETCDF).is_file():
+        return False
+    try:
+        with load_results(folder / NETCDF) as data:
+            return is_finished(str(data.attrs.get("ended", "")))
+    except ResultsError:
+        return True
 
 
 def has_rows(path: Path) -> bool:

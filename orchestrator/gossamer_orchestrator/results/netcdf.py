@@ -68,7 +68,7 @@ def make_file(columns: Sequence[RecordedScalar], attributes: Mapping[str, Any]) 
     from scipy.io import netcdf_file
 
     variables, labels = group(columns)
-    ending = {"ended": UNFINISHED.encode().ljust(_ROOM, b"\0"), "wall_time": 0.0, "divided_steps": 0}
+    ending = {"ended": UNFINISHED.encode().ljust(_ROOM, b"\0"), "wall_time": 0.0, "not_finite": 0, "divided_steps": 0}
     buffer = BytesIO()
     with netcdf_file(buffer, "w", version=2) as file:
         for name, value in {**attributes, **ending}.items():
@@ -139,7 +139,7 @@ class GrowingFile:
             there = opened.read(layout.begin)
         first, last = layout.places["ended"], layout.places["divided_steps"] + 4
         file.resume(count, fits=(there[8:first], there[last:]) == (header[8:first], header[last:]))
-        file.end(UNFINISHED, 0.0, 0)
+        file.end(UNFINISHED, 0.0)
         return file
 
     def append(self, rows: NDArray[np.float64]) -> None:
@@ -177,10 +177,11 @@ class GrowingFile:
             file.seek(self.layout.begin + (self.count - 1) * self.layout.record)
             return float(struct.unpack(">d", file.read(8))[0])
 
-    def end(self, ended: str, wall_time: float, divided_steps: int) -> None:
+    def end(self, ended: str, wall_time: float, not_finite: int = 0, divided_steps: int = 0) -> None:
         """Write how the run ended, and make sure that everything is on the disk."""
         text = ended.encode()[:_ROOM].decode(errors="ignore").encode()
-        contents = (text.ljust(_ROOM, b"\0"), struct.pack(">d", wall_time), struct.pack(">i", divided_steps))
+        numbers = struct.pack(">d", wall_time), struct.pack(">i", not_finite), struct.pack(">i", divided_steps)
+        contents = (text.ljust(_ROOM, b"\0"), *numbers)
         self._write(dict(zip(self.layout.places.values(), contents, strict=True)), sync=True)
 
     @contextmanager

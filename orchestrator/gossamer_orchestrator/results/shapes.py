@@ -23,7 +23,7 @@ import numpy as np
 
 from ..errors import ResultsError, check_path, writing
 from ..fmi.shape import Array, Integers, Surface
-from .files import UNFINISHED_NETCDF, has_rows
+from .files import UNFINISHED_NETCDF, results_in
 from .netcdf import GrowingFile, Layout
 
 TAUT, WRINKLED, SLACK = 0, 1, 2
@@ -221,9 +221,8 @@ def load_shapes(results: Path) -> dict[str, ShapeHistory]:
     """
     check_path(results, ResultsError)
     folder = results if results.is_dir() else results.parent
-    unfinished = folder / UNFINISHED_NETCDF
-    last = UNFINISHED_SHAPES if unfinished.is_file() and has_rows(unfinished) else SHAPES
-    path = folder / last
+    unfinished = (results_in(folder) if results.is_dir() else results).name == UNFINISHED_NETCDF
+    path = folder / (UNFINISHED_SHAPES if unfinished else SHAPES)
     if not path.is_file():
         return {}
     from scipy.io import netcdf_file

@@ -16,7 +16,7 @@ from ..names import split_endpoint
 from ..pages.page import Kind
 from ..words import counted, percent, uncertain
 from .dataset import find_all, origins_of, parameters_of, zone_label
-from .files import is_explained, sees_enough
+from .files import MESSAGES, is_explained, sees_enough
 from .judgements import LEAST_SHOWN, REACH, Judgement, doubts, recorded_detector
 from .readers import LEAST_RANGE, Reader, curve_of, readers_of
 
@@ -72,6 +72,8 @@ def make_verdict(data: xr.Dataset, ended: Sequence[Judgement], watched: dict[str
         Content of ``watch.json``.
     """
     more, sensing = _beside_headline(watched), sensor_doubts(data)
+    if data.attrs.get("not_finite"):
+        return Verdict("invalid", f"No valid judgement. {sensing[0]}", sensing[1:] + more)
     if (finding := _explained(watched)) is not None:
         return _by_twin(finding, data, ended, sensing, more)
     if not ended:
@@ -265,8 +267,9 @@ def _dated(finding: Mapping[str, Any]) -> str:
 
 
 def sensor_doubts(data: xr.Dataset) -> list[str]:
-    """List reasons to doubt the strain of a run: components out of their identified range, and strain that is wrong."""
-    readers = readers_of(data)
+    """List reasons to doubt a run: values that are not finite, components out of their identified range, wrong strain."""
+    readers, lost = readers_of(data), int(data.attrs.get("not_finite", 0))
+    after = f"{counted(lost, 'component')} had values that are not finite, see {MESSAGES}: what follows means nothing."
     beyond = [
         _beyond(data, name, readers)
         for name in (str(each).removesuffix(".saturated") for each in data.data_vars if str(each).endswith(".saturated"))
@@ -274,7 +277,7 @@ def sensor_doubts(data: xr.Dataset) -> list[str]:
     ]
     if beyond:
         beyond.append("Do not trust the strain and damage that follow from what was outside its identified range.")
-    return [*beyond, *filter(None, map(_wrong, readers))]
+    return [*[after] * (lost > 0), *beyond, *filter(None, map(_wrong, readers))]
 
 
 def _beyond(data: xr.Dataset, name: str, readers: Sequence[Reader]) -> str:

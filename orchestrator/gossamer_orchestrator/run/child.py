@@ -20,10 +20,13 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from ..errors import OrchestratorError, ScenarioError, SimulationError
+from gossamer_files.inputs import OverwriteError, check_outputs, keep, keeping
+
+from ..errors import OrchestratorError, ResultsError, ScenarioError, SimulationError
 from ..exchange import open_scenario
 from ..results.dataset import group, plan_columns
-from ..results.files import RESUME
+from ..results.files import CSV, MESSAGES, NETCDF, RESUME, UNFINISHED_NETCDF, WATCH
+from ..results.shapes import SHAPES, UNFINISHED_SHAPES
 from ..scenario.plan import ComponentPlan, Plan, make_plan
 from ..scenario.schema import MASTERS, Connection, Given, Scenario
 from ..scenario.values import changed
@@ -108,7 +111,7 @@ def work() -> None:
 
 def _run(task: RunTask, report: Report) -> None:
     """Plan and simulate; the end of the run is reported before the FMUs are freed, which may crash."""
-    with open_scenario(task.scenario, step=task.step, stop=task.stop) as scenario:
+    with keeping(), open_scenario(task.scenario, step=task.step, stop=task.stop) as scenario:
         if task.master is not None:
             if task.master not in MASTERS:
                 msg = f"there is no master {task.master!r}. Choose {' or '.join(MASTERS)}."
@@ -134,6 +137,7 @@ def _run(task: RunTask, report: Report) -> None:
         def announce(shared: Shared) -> None:
             report(begun=[shared.layout, shared.shape])
 
+        _check_outputs(plan, task.out)
         stream = Stream(plan, task.out, task.scratch / WAITING, announce, card)
         with Simulation(plan, position, strict=task.strict, threads=task.threads) as simulation:
             simulation.say = lambda text: report(aside=text)
@@ -149,6 +153,16 @@ def _run(task: RunTask, report: Report) -> None:
                 report(interrupted=True)
             else:
                 report(ended=simulation.ended or "complete")
+
+
+def _check_outputs(plan: Plan, out: Path) -> None:
+    """Refuse a folder for results in which a run would write over its scenario, an FMU or a history of inputs."""
+    keep(*(file.path for file in plan.files), *(plan.scenario.folder / given.file for given in plan.scenario.inputs))
+    names = (NETCDF, CSV, MESSAGES, WATCH, SHAPES, RESUME, UNFINISHED_NETCDF, UNFINISHED_SHAPES)
+    try:
+        check_outputs(out / name for name in names)
+    except OverwriteError as error:
+        raise ResultsError(str(error)) from error
 
 
 def _describe(error: OrchestratorError) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """Folders that one run has for itself: that of its results, and a temporary one that nothing is left of.
 
-The locks are the operating system's: they end with the process, however it ends.
+The locks are the operating system's: they end with the process, however it ends. A temporary folder has a mark, so that only
+what is one, and has no lock any more, is removed.
 """
 
 from __future__ import annotations
@@ -19,12 +20,12 @@ from gossamer_files.options import option
 from ..errors import ResultsError
 from ..results.files import CSV, NETCDF, RESUME
 
-_PREFIX = "gossamer-run-"
+_PREFIX, _MARK = "gossamer-run-", ".gossamer-scratch"
 
 if sys.platform == "win32":
     import msvcrt
 
-    def _lock(folder: Path) -> int:
+    def _lock(folder: Path, *, needed: bool = False) -> int:  # noqa: ARG001 every file system there has locks
         """Lock a folder by a file that disappears when it is closed; raise ``BlockingIOError`` if another process has it."""
         try:
             handle = os.open(folder / ".lock", os.O_RDWR | os.O_CREAT | os.O_TEMPORARY)
@@ -36,17 +37,16 @@ if sys.platform == "win32":
 else:
     import fcntl
 
-    def _lock(folder: Path) -> int:
-        """Lock a folder; raise ``BlockingIOError`` if another process has it."""
-        handle = os.open(folder, os.O_RDONLY)
+    def _lock(folder: Path, *, needed: bool = False) -> int:
+        """Lock a folder; raise ``BlockingIOError`` if another process has it, or may have it where the lock is needed."""
+        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW * needed)
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            os.close(handle)
-            raise
-        except OSError:  # a file system without locks
-            pass
-        return handle
+        except OSError as error:
+            if isinstance(error, BlockingIOError) or needed:
+                os.close(handle)
+                raise BlockingIOError from error
+        return handle  # without a lock on a file system that has none
 
 
 @contextmanager
@@ -80,8 +80,9 @@ def scratch() -> Iterator[Path]:
         folder = Path(tempfile.mkdtemp(prefix=_PREFIX))
         try:
             handle = _lock(folder)
-        except OSError:  # another process has just swept it
+        except OSError:  # of an earlier version, which has just swept it
             continue
+        (folder / _MARK).touch()
         break
     try:
         yield folder
@@ -93,6 +94,7 @@ def scratch() -> Iterator[Path]:
 def _sweep() -> None:
     for folder in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*"):
         with suppress(OSError):
-            handle = _lock(folder)
-            shutil.rmtree(folder, ignore_errors=True)
-            os.close(handle)
+            if (folder / _MARK).is_file():
+                handle = _lock(folder, needed=True)
+                shutil.rmtree(folder, ignore_errors=True)
+                os.close(handle)

@@ -1,6 +1,6 @@
 """Where a run stands, in memory that another process can read, and the signals that ask it to end.
 
-Ten integers. The process of a run writes them before it calls an FMU, so that whoever watches it can say which FMU was
+Eleven integers. The process of a run writes them before it calls an FMU, so that whoever watches it can say which FMU was
 called when the process died, or hangs. A write costs some 30 ns. A signal waits for the end of the present step.
 """
 
@@ -14,14 +14,14 @@ from types import FrameType
 
 from ..processes import shared_memory
 
-TICK, PART, COMPONENT, CALL, ROWS, FIRST, DIVIDED, STOP, AT_ONCE, RETURNED = range(10)
+TICK, PART, COMPONENT, CALL, ROWS, FIRST, DIVIDED, STOP, AT_ONCE, RETURNED, NOT_FINITE = range(11)
 """Step under way; its part; number of the component whose FMU is called, -1 for none; what it is called for; rows recorded;
 number of the first of them that waits in memory; steps that were divided; 1 if the run should stop; how many components from
-that number on are called at once, 0 for one; how many of them have returned."""
+that number on are called at once, 0 for one; how many of them have returned; how many had values that are not finite."""
 
 INSTANTIATE, INITIALIZE, STEP, FREE = range(4)
 _CALLS = ("when it was instantiated", "in its initialization", "in the step from", "when it was freed")
-_SIZE = 80  # bytes
+_SIZE = 88  # bytes
 
 Position = memoryview  # of signed integers
 

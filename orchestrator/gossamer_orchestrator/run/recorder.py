@@ -21,6 +21,7 @@ from ..results.netcdf import GrowingFile
 from ..results.shapes import SHAPES, UNFINISHED_SHAPES, Frame, create_shapes, pack_frame, reopen_shapes
 from ..scenario.plan import Plan
 from .master import Simulation
+from .position import NOT_FINITE
 
 _ROWS = 1024
 
@@ -145,6 +146,7 @@ class FiniteCheck:
             component, variable = self._names[place]
             if self._fresh[place]:
                 self._fresh[[name[0] == component for name in self._names]] = False
+                simulation.position[NOT_FINITE] += 1
                 value = float(simulation.values[place])
                 text = f"component {component!r} returned {variable} = {value} at t = {simulation.time:.9g} s."
                 if self._strict:

@@ -12,17 +12,17 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
-from gossamer_files import write_text
+from gossamer_files import uninterrupted, write_text
 from gossamer_files.options import option
 
 from ..errors import OrchestratorError, ResultsError, check_path, writing
 from ..results import files
-from ..results.shapes import settle_shapes
+from ..results.shapes import SHAPES, settle_shapes
 from ..scenario.schema import Given, Scenario
 from .child import WAITING, Outline, RunTask
 from .folders import locked, scratch
 from .master import Observer
-from .position import DIVIDED
+from .position import DIVIDED, NOT_FINITE
 from .process import Process
 from .progress import ProgressBar
 from .stream import write_waiting
@@ -129,7 +129,7 @@ def run_scenario(
             resume=resume,
             observers=_pickled(observers),
         )
-        earlier, begun = _files_of_twin(folder), time.perf_counter()
+        begun = time.perf_counter()
         process = stack.enter_context(Process(task))
         import xarray  # noqa: F401 (takes a second, while the other process starts)
 
@@ -137,16 +137,18 @@ def run_scenario(
         process.end()
         error = process.error
         try:
-            last = _settle(process, folder, temporary, time.perf_counter() - begun, earlier)
-            if last is not None:
+            last, path = _settle(process, folder, temporary, time.perf_counter() - begun)
+            replaced = last is not None and path.name == files.NETCDF
+            if replaced:
                 messages.save(folder)
             if error is None:
                 (folder / files.RESUME).unlink(missing_ok=True)
             elif last is not None and out is not None:
-                error.add_note(f"Results until t = {last:.9g} s are in {folder}.")
+                beside = "" if replaced else f" {folder / files.NETCDF} is of an earlier run."
+                error.add_note(f"Results until t = {last:.9g} s are in {folder if replaced else path}.{beside}")
                 if (folder / files.RESUME).is_file():
                     error.add_note("Continue the run with 'gossamer run --resume'.")
-            data = files.load_results(folder) if last is not None else None
+            data = files.load_results(folder) if replaced else None
             if data is not None and out is not None:
                 _write_csv(data, folder, csv)
         except ResultsError as late:
@@ -159,39 +161,47 @@ def run_scenario(
         return data.load() if out is None else data
 
 
-def _files_of_twin(folder: Path) -> dict[Path, int]:
-    """Return the files that the twin wrote of the results in a folder, and when [ns]."""
-    from ..pages import PAGE
+def _settle(process: Process, folder: Path, temporary: Path, wall_time: float) -> tuple[float | None, Path]:
+    """Finish the netCDF file; return the time of its last row, None without any, and where it is.
 
-    said = [folder / files.WATCH, folder / files.TWIN, folder / Path(files.TWIN).stem / PAGE]
-    return {path: path.stat().st_mtime_ns for path in said if path.is_file()}
-
-
-def _settle(process: Process, folder: Path, temporary: Path, wall_time: float, earlier: dict[Path, int]) -> float | None:
-    """Finish the netCDF file; return the time of its last row, None without any.
-
-    What the twin wrote of an earlier run goes with its results, unless it was written anew since.
+    It takes the place of earlier results, but for those of a complete run if this one is not.
     """
-    unfinished = folder / files.UNFINISHED_NETCDF
+    path = folder / files.UNFINISHED_NETCDF
     if process.shared is None:
-        return None
-    file = write_waiting(unfinished, temporary / WAITING, process.shared, process.position)
+        return None, path
+    file = write_waiting(path, temporary / WAITING, process.shared, process.position)
     if not file.count:
-        unfinished.unlink()
+        path.unlink()
         settle_shapes(folder, kept=False)
-        return None
+        return None, path
     error = process.error
     reason = "interrupted" if isinstance(error, KeyboardInterrupt) else str(error)
-    file.end(reason if error is not None else process.ended, wall_time, process.position[DIVIDED])
+    counts = process.position[NOT_FINITE], process.position[DIVIDED]
+    file.end(reason if error is not None else process.ended, wall_time, *counts)
     last = file.last_time()
     logger.info("%d communication points until t = %.9g s in %.1f s", file.count, last, wall_time)
-    if not (isinstance(error, ResultsError) and (folder / files.NETCDF).exists()):
-        unfinished.replace(folder / files.NETCDF)
+    full = isinstance(error, ResultsError) and (folder / files.NETCDF).exists()
+    if full or (error is not None and files.has_complete(folder)):
+        return last, path
+    with uninterrupted(), writing(folder, ResultsError):
+        _remove_earlier(folder)
+        path = path.replace(folder / files.NETCDF)
         settle_shapes(folder, kept=True)
-        for path, written in _files_of_twin(folder).items():
-            if earlier.get(path) == written:
-                path.unlink()
-    return last
+        if (folder / files.UNFINISHED_WATCH).is_file():
+            (folder / files.UNFINISHED_WATCH).replace(folder / files.WATCH)
+    return last, path
+
+
+def _remove_earlier(folder: Path) -> None:
+    """Remove what was made of earlier results, so that a folder has files of one run at any moment."""
+    from ..pages import PAGE
+    from ..results.report.pictures import remove_drawn
+
+    if (folder / files.NETCDF).is_file():
+        remove_drawn(folder)
+    for name in (files.CSV, files.MESSAGES, SHAPES, files.WATCH, files.TWIN):
+        (folder / name).unlink(missing_ok=True)
+        (folder / Path(name).stem / PAGE).unlink(missing_ok=True)  # of the twin
 
 
 def _write_csv(data: xr.Dataset, folder: Path, wanted: bool | None) -> None:
@@ -200,7 +210,6 @@ def _write_csv(data: xr.Dataset, folder: Path, wanted: bool | None) -> None:
     if wanted or (wanted is None and values <= files.CSV_VALUES):
         files.save_csv(data, folder)
         return
-    (folder / files.CSV).unlink(missing_ok=True)  # of an earlier run
     if wanted is None:
         text = f"no %s: it would have %d values, more than %d. {option('csv', True)} writes it."
         logger.warning(text, files.CSV, values, files.CSV_VALUES)

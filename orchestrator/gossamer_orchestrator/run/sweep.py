@@ -22,11 +22,11 @@ from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
-from gossamer_files import replacing, write_text
+from gossamer_files import digest, replacing, write_text
 from gossamer_files.options import option
 
 from ..errors import ResultsError, ScenarioError, require, writing
-from ..results.files import NETCDF, load_results, make_folder
+from ..results.files import NETCDF, is_finished, load_results, make_folder
 from ..scenario.schema import Given
 from ..scenario.values import read_changes
 from .folders import locked
@@ -36,11 +36,6 @@ PLAN = "sweep.json"
 
 logger = logging.getLogger(__name__)
 _running: set[subprocess.Popen[str]] = set()  # on this machine
-
-
-def is_finished(ended: str) -> bool:
-    """Tell whether a run came to its end, or an FMU ended it in peace, by the attribute ``ended`` of its results."""
-    return ended == "complete" or " ended the simulation at t = " in ended
 
 
 @dataclass(frozen=True)
@@ -214,8 +209,10 @@ def _ended(folder: Path) -> str:
 
 
 def _keep_plan(out: Path, cases: Sequence[Case], command: Sequence[str]) -> None:
-    """Write what the folder is a sweep of, and refuse a folder of another one."""
-    plan = {"command": list(command), "cases": [case.values for case in cases]}
+    """Write what the folder is a sweep of, files without their folders, and refuse a folder of another one."""
+    words = [Path(word).name if Path(word).is_absolute() else word for word in command]
+    scenario = digest(Path(command[1])) if Path(command[1]).is_file() else ""
+    plan = {"command": words, "scenario": scenario, "cases": [case.values for case in cases]}
     path = out / PLAN
     if path.is_file() and json.loads(path.read_text(encoding="utf-8")) != plan:
         msg = f"{out} holds another sweep. Name another folder with {option('out')}, or remove it."

@@ -16,6 +16,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
+from gossamer_files.inputs import keep
+
 from ..errors import OrchestratorError, ScenarioError, check_path, explain_file, writing
 from ..names import suggest
 
@@ -133,6 +135,7 @@ def read_text(path: Path, what: str) -> str:
         There is no such file, or it is no text in UTF-8.
     """
     check_path(path, ScenarioError)
+    keep(path)
     try:
         return path.read_text(encoding="utf-8-sig")  # some editors begin it with a byte order mark
     except FileNotFoundError:

@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 from command_line import invoke
 from gossamer.descriptions import load_campaign
+from gossamer_files import write_text
+from gossamer_files.inputs import OverwriteError, keeping
 from gossamer_models.campaign import run_campaign
 from gossamer_models.detector import PosteriorArtifact
 from gossamer_models.sensor import SensorArtifact
@@ -67,6 +69,61 @@ def test_an_output_that_is_an_input_is_refused(record, fmus, command, name):
     assert result.exit_code == 1
     assert "which is an input. Name another place with --out." in result.stderr
     assert {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()} == before
+
+
+HISTORY = """
+step = 0.1
+stop = 1.0
+[components.i]
+fmu = "integrator"
+[[inputs]]
+to = "i.u"
+file = "out/hist/results.csv"
+column = "R_ohm"
+"""
+
+
+@pytest.mark.parametrize("command", [
+    ["identify", "rec.csv", "ok/rec_predicted.csv", "--out", "ok.json"],
+    ["assess", "rec.csv", "ok/rec_predicted.csv", "rec.csv", "--out", "ok"],
+    ["run", "hist.toml", "--fmus", "fmus", "--out", "out/hist"],
+    ["watch", "out/hist", "--out", "out/hist/results.csv"],
+    ["twin", "out/hist", "--out", "out/hist/results.csv"],
+    ["calibrate", "out/hist", "--setup", "sail", "--out", "out/hist/results.nc"],
+    ["identify", "rec.csv", "--log-file", "rec.csv"],
+    ["run", "hist.toml", "--fmus", "fmus", "--out", "other", "--log-file", "out/hist/results.csv"],
+    ["recover", "sensor.json", "rec.csv", "--log-file", "rec.csv"],
+])  # fmt: skip
+def test_nothing_else_that_a_command_reads_is_written_over(record, fmus, command):
+    """Derived files, results of the run that is read, a history of inputs, the log."""
+    shutil.copytree(fmus, "fmus")
+    for folder in ("ok", "out/hist"):
+        Path(folder).mkdir(parents=True)
+    for path in ("ok/rec_predicted.csv", "out/hist/results.csv", "out/hist/results.nc"):
+        shutil.copy("rec.csv", path)
+    Path("hist.toml").write_text(HISTORY)
+    Path("sensor.json").write_text("{}")
+    before = {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
+    result = invoke(command)
+    assert result.exit_code == 1
+    why = "is no log of Gossamer. Name another file" if "--log-file" in command else "which is an input. Name another place"
+    assert why in result.stderr
+    assert {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()} == before
+
+
+def test_the_name_of_a_shipped_setup_is_no_file_that_is_read(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    built = [invoke(["build", "membrane", "--setup", "drum", "--out", "drum"]) for _ in range(2)]
+    assert [each.exit_code for each in built] == [0, 0]
+
+
+def test_what_a_command_has_read_may_be_written_by_the_next_one(tmp_path):
+    path = tmp_path / "it.csv"
+    path.write_text("a")
+    with keeping(path), pytest.raises(OverwriteError, match="which is an input"):
+        write_text(path, "b")
+    write_text(path, "c")
+    assert path.read_text() == "c"
 
 
 def test_a_file_in_the_store_that_is_read_is_refused(tmp_path):

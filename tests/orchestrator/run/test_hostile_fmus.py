@@ -9,6 +9,7 @@ import hostile as faults
 import numpy as np
 import psutil
 import pytest
+from command_line import invoke
 from gossamer_orchestrator import (
     ResultsError,
     ScenarioError,
@@ -77,6 +78,16 @@ def test_the_first_value_that_is_not_finite_is_named_once(hostile, beside, tmp_p
     assert record.getMessage().startswith(f"component 'bad' returned y[1] = {value} at t = 0.021 s.")
     assert data.attrs["ended"] == "complete"
     assert not np.isfinite(data["bad.y"].values[-1, 0])
+
+
+def test_a_run_with_values_that_are_not_finite_ends_with_exit_code_3_and_says_so(hostile, tmp_path):
+    text = 'step = 0.001\nstop = 0.03\n[components.bad]\nfmu = "hostile"\n'
+    (tmp_path / "it.toml").write_text(f"{text}parameters = {{ fault = {faults.NAN}, at = 20 }}\ninputs = {{ u = 0.0 }}\n")
+    result = invoke(["run", tmp_path / "it.toml", "--fmus", hostile, "--out", tmp_path / "out"])
+    assert result.exit_code == 3
+    assert "1 component had values that are not finite, see messages.txt: what follows means nothing." in result.stderr
+    assert "'bad' returned y[1] = nan at t = 0.021 s" in (tmp_path / "out/messages.txt").read_text()
+    assert "No valid judgement" in (tmp_path / "out/report.html").read_text()
 
 
 def test_strict_ends_the_run_there(hostile, beside, tmp_path):

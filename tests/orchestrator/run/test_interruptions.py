@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import random
 import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 
 import hostile as faults
@@ -15,7 +17,7 @@ import numpy as np
 import psutil
 import pytest
 from gossamer_orchestrator import load_results, parse_scenario, run_scenario
-from gossamer_orchestrator.run.folders import locked
+from gossamer_orchestrator.run.folders import locked, scratch
 from saving import save_results
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="sends signals as POSIX has them")
@@ -173,6 +175,34 @@ def test_what_a_killed_writer_left_in_the_folder_is_removed_at_the_next_start(tm
         assert list(tmp_path.iterdir()) == [other]  # that of another command
 
 
+def test_only_temporary_folders_that_runs_left_are_removed(tmp_path, monkeypatch):
+    """Not a folder of a user, a pipe, a link to a folder, or what a run has that lives."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    mine, pipe, link = (tmp_path / f"gossamer-run-{name}" for name in ("mine", "pipe", "link"))
+    with scratch() as left:
+        shutil.copytree(left, tmp_path / "gossamer-run-left")
+    mine.mkdir()
+    (mine / "thesis").write_text("years")
+    os.mkfifo(pipe)
+    shutil.copytree(tmp_path / "gossamer-run-left", tmp_path / "elsewhere")
+    link.symlink_to(tmp_path / "elsewhere")
+    with scratch() as live, scratch() as another:
+        assert sorted(tmp_path.iterdir()) == sorted([mine, pipe, link, tmp_path / "elsewhere", live, another])
+        assert list((tmp_path / "elsewhere").iterdir())
+        assert (mine / "thesis").read_text() == "years"
+
+
+def test_where_the_file_system_has_no_locks_no_temporary_folder_is_removed(tmp_path, monkeypatch):
+    def flock(_handle, _how):
+        raise OSError(errno.ENOLCK, "no locks available")
+
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr("fcntl.flock", flock)
+    with scratch() as live, scratch():
+        assert live.is_dir()
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_ctrl_c_ends_a_run_whose_fmu_hangs(start, whole):
     run = start(f"fault = {faults.HANG}, at = 2400")
     run.wait_for_rows()
@@ -217,7 +247,41 @@ def test_earlier_results_stay_until_a_run_has_ended(start, whole):
     run.wait_for_rows()
     run.kill()
     assert ((run.out / "results.nc").read_bytes(), (run.out / "results.csv").read_bytes()) == earlier
-    assert load_results(run.out).attrs["ended"] == "unfinished"
+    assert load_results(run.out).attrs["ended"] == "complete"
+    assert load_results(run.out / "unfinished.nc").attrs["ended"] == "unfinished"
+
+
+@pytest.mark.parametrize(("end", "code", "ended"), [
+    (signal.SIGINT, 130, "interrupted"),
+    (signal.SIGTERM, 130, "interrupted"),
+    ("its FMU fails", 1, "component 'a' crashed"),
+])  # fmt: skip
+def test_a_complete_run_is_replaced_by_a_complete_one_only(start, whole, end, code, ended):
+    """With all that was made of it; the other one goes on from where it was, and then takes its place."""
+    run = start(STOPS if isinstance(end, signal.Signals) else f"fault = {faults.ABORT}, at = 2400")
+    save_results(whole, run.out)
+    for name in ("report.html", "strains.png", "twin.json", "watch.json", "messages.txt"):
+        (run.out / name).write_text(f"of the complete run: {name}")
+    (run.out / "mine.png").write_text("a user's")
+    before = {path: path.read_bytes() for path in run.out.iterdir()}
+    if isinstance(end, signal.Signals):
+        run.wait_for_rows()
+        run.process.send_signal(end)
+        run.gate.touch()
+    found, text = run.end()
+    assert found == code, text
+    assert f"{run.out / 'results.nc'} is of an earlier run." in text
+    after = {path: path.read_bytes() for path in run.out.iterdir() if not path.name.startswith("unfinished")}
+    assert after == before
+    unfinished = load_results(run.out / "unfinished.nc")
+    assert unfinished.attrs["ended"].startswith(ended)
+    assert_beginning_of(whole, unfinished)
+    assert load_results(run.out).attrs["ended"] == "complete"
+    if end == signal.SIGTERM:
+        code, text = start(STOPS, "--resume").end()
+        assert code == 0, text
+        assert sorted(path.name for path in run.out.iterdir()) == ["mine.png", "results.csv", "results.nc"]
+        assert_beginning_of(whole, load_results(run.out))
 
 
 def test_when_the_process_of_the_run_is_killed_the_program_says_so_and_keeps_the_results(start, whole):
@@ -305,8 +369,8 @@ def test_a_disk_that_fills_during_the_run_keeps_what_was_there_and_the_run_resum
     assert code == 1
     assert f"cannot write {out / 'unfinished.nc'}: No space left on device." in text
     assert ((out / "results.nc").read_bytes(), (out / "results.csv").read_bytes()) == earlier
-    assert_beginning_of(whole, load_results(out))
-    assert load_results(out).sizes["time"] >= 2401
+    assert_beginning_of(whole, load_results(out / "unfinished.nc"))
+    assert load_results(out / "unfinished.nc").sizes["time"] >= 2401
     (out / "ballast").unlink()
     code, text = start(STOPS, "--resume").end()
     assert code == 0, text

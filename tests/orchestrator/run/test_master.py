@@ -258,6 +258,16 @@ def test_the_first_warning_of_every_fmu_is_told_once(fmus, caplog):
     ]
 
 
+def test_a_step_that_returns_a_warning_without_a_word_is_told_once(fmus, caplog):
+    text = 'step = 0.125\nstop = 1.0\n[components.i]\nfmu = "integrator"\ninputs = { u = 1.0 }\n'
+    with Simulation(make_plan(parse_scenario(text), fmus)) as simulation:
+        instance = simulation.members[0].instance
+        instance._do_step = lambda *_: 1 if instance._time.value >= 0.5 else 0
+        simulation.run()
+    (record,) = caplog.records
+    assert record.getMessage() == "component 'i' at t = 0.5 s: its step returned a warning without a message"
+
+
 @pytest.mark.parametrize("master", ["gauss-seidel", "jacobi"])
 def test_the_last_point_and_the_ends_of_windows_are_recorded_with_all_variables(fmus, master):
     text = (

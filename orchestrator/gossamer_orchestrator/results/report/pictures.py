@@ -15,13 +15,15 @@ from gossamer_files.pictures import picture
 from gossamer_files.plots import Panels, draw_panels
 
 from ...errors import OrchestratorError, ResultsError, writing
+from ...pages import PAGE
 from ..readers import Recorded
-from ..shapes import ShapeHistory
+from ..shapes import ShapeHistory, load_shapes
 from . import damage, membrane, sensors
 
 logger = logging.getLogger(__name__)
 
 IN_SPACE = (9.0, 6.5)  # [inch]
+FORMS = ("png", "svg", "pdf")
 
 
 @dataclass(frozen=True)
@@ -112,6 +114,15 @@ def draw_pictures(
             failure = f"{path} was not drawn: {type(error).__name__}: {error}."
             logger.debug("%s", failure, exc_info=True)
         yield Picture(path, time.perf_counter() - begun, why_not, failure)
+
+
+def remove_drawn(folder: Path) -> None:
+    """Remove the page and the pictures of earlier results."""
+    names = list(PICTURES)
+    with suppress(ResultsError):
+        names += [f"deflection_{name}" for name in load_shapes(folder)]
+    for path in (folder / PAGE, *(folder / f"{name}.{form}" for name in names for form in FORMS)):
+        path.unlink(missing_ok=True)
 
 
 def paths_of(pictures: Iterable[Picture]) -> list[Path]:
