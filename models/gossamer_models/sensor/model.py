@@ -17,6 +17,7 @@ from .artifact import SensorArtifact, default_artifact
 from .law import SensorLaw, SensorState
 
 LIKELY_NOISE = 1e-3  # [1] start value of an estimator's noise where none was measured
+LIKELY_ERROR = 1e-2  # [1] the same of the error of a sensor's model
 ADVICE = "rest_strain must not exceed full_scale_strain; inputs and steps must be of a sensible size."
 
 SCALE_VARIABLES = (
@@ -44,6 +45,7 @@ def with_scales(variables: tuple[Variable, ...], artifact: SensorArtifact, *, qu
     starts = {**asdict(artifact.scales), "resistance": artifact.scales.rest_resistance}
     noise = LIKELY_NOISE if artifact.noise is None else artifact.noise
     starts["noise"] = 0.0 if quiet else noise * artifact.scales.full_scale_resistance_change
+    starts["known_deviation"] = (artifact.error or LIKELY_ERROR) * artifact.scales.full_scale_resistance_change
     return tuple(v if v.causality == "output" else replace(v, start=starts.get(v.name, v.start)) for v in variables)
 
 
