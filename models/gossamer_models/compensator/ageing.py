@@ -24,7 +24,7 @@ import casadi as ca
 
 from ..sensor.artifact import SensorArtifact
 from ..sensor.law import SensorLaw, SensorState
-from ..sensor.model import clip, normalised, resting_state, with_scales
+from ..sensor.model import clip, normalised, resistance, resting_state, with_scales
 from ..step_model import StepModel
 from ..variables import Results, Values, by_name, input_, output, parameter, select
 
@@ -144,9 +144,10 @@ def with_ageing(inner: StepModel, artifact: SensorArtifact) -> StepModel:
         return AgeingState(x, resting_state(law, p), age), results(y, age, p)
 
     def step(x: AgeingState, u: Values, p: Values, h: ca.MX) -> tuple[AgeingState, Results]:
-        change, y = p.full_scale_resistance_change, normalised(u.resistance, p)
+        change, y = p.full_scale_resistance_change, normalised(u.resistance, u, p)
         fresh = (y - x.age.mean[1]) / x.age.mean[0]
-        seen = Values(**(vars(u) | {"resistance": u.resistance + change * (fresh - y)}))
+        less = resistance(fresh, u, p) - resistance(y, u, p)  # exactly zero where the sensor has not aged
+        seen = Values(**(vars(u) | {"resistance": u.resistance + less}))
         inside, found = inner.step.call([x.inner, column(seen, "input"), column(p, "parameter"), h], True, False)
         strain = by_name(rows["output"], found)
         present, width = getattr(strain, "present_strain", strain.strain), getattr(strain, "strain_deviation", 0.0)
