@@ -24,9 +24,9 @@ log = logging.getLogger(__name__)
 MODELS: dict[str, Callable[..., StepModel]] = {
     "membrane": membrane_model,
     "sensor": sensor_model,
-    "compensator": compensator_model,
-    "estimator": partial(compensator_model, method="estimator"),  # a compensator that tolerates noise
-    "filter": partial(compensator_model, method="filter"),  # a compensator of any sensor
+    "compensator": partial(compensator_model, ageing=True),
+    "estimator": partial(compensator_model, method="estimator", ageing=True),  # a compensator that tolerates noise
+    "filter": partial(compensator_model, method="filter", ageing=True),  # a compensator of any sensor
     "detector": posterior_model,
     "framed_membrane": partial(membrane_model, frame=True),  # a membrane that a spacecraft carries and feels
     "hub": hub_model,

@@ -24,6 +24,7 @@ _LOG_CATEGORIES = {
     "logStatusDiscard": "Steps that were refused, and why.",
     "logStatusError": "Calls that were refused, and why.",
 }
+OPTIONAL = "optional"  # type of inputs that a program may leave at their start values
 _BASE = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")  # attributes of <BaseUnit>
 
 
@@ -129,6 +130,12 @@ def model_description(model: StepModel, guid: str, *, fmi: FmiVersion = 2, nativ
     units = ET.SubElement(root, "UnitDefinitions")
     for name in dict.fromkeys(["s", *(variable.unit for variable in model.variables)]):
         ET.SubElement(ET.SubElement(units, "Unit", name=name), "BaseUnit", base_unit(name))
+    if any(v.optional for v in model.variables):
+        types, said = ET.SubElement(root, "TypeDefinitions"), {"name": OPTIONAL, "description": "May stay as it starts"}
+        if fmi == 2:
+            ET.SubElement(ET.SubElement(types, "SimpleType", said), "Real")
+        else:
+            ET.SubElement(types, "Float64Type", said)
     categories = ET.SubElement(root, "LogCategories")
     for name, text in (_LOG_CATEGORIES | ({} if native else {"logStatusFatal": "The FMU could not be started."})).items():
         ET.SubElement(categories, "Category", name=name, description=text)
@@ -239,7 +246,8 @@ def _numbers(array: Array) -> dict[str, str]:
     numbers = {"min": first.minimum, "max": first.maximum, "nominal": first.nominal}
     starts = [repr(float(v.start)) for v in array.members if v.start is not None]
     return (
-        {"unit": first.unit}
+        ({"declaredType": OPTIONAL} if first.optional else {})
+        | {"unit": first.unit}
         | {key: repr(float(value)) for key, value in numbers.items() if value is not None}
         | ({"start": " ".join(starts)} if starts else {})
     )

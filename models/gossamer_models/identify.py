@@ -31,6 +31,7 @@ from .sensor.fit.align import RelativeScale, align
 from .sensor.fit.doubts import doubts as preisach_doubts
 from .sensor.fit.doubts import start_errors, undetermined
 from .sensor.fit.settings import MODELS as PREISACH
+from .sensor.fit.temperature import Warming, fit_warming
 from .sensor.plots import FILES as SENSOR_FILES
 from .sensor.plots import sensor_files
 
@@ -68,6 +69,8 @@ class Identified:
         Errors on the test stretches beside those of a static cubic and of a regression on lags.
     scales : tuple of RelativeScale
         Scale of every record, if they have scales of their own; the fit is in the units of the first one.
+    warming : Warming or None
+        What temperature does to the sensor, where it is clear from the records; the fit is at its reference.
     own : tuple of SelfTest
         What the compensator recovers of what the sensor's model makes of each record; empty for a model without one.
     cycled : tuple of float
@@ -81,16 +84,20 @@ class Identified:
     trials: tuple[Trial, ...] = ()
     standings: tuple[Standing, ...] = ()
     scales: tuple[RelativeScale, ...] = ()
+    warming: Warming | None = None
     own: tuple[SelfTest, ...] = ()
     cycled: tuple[float, ...] = ()
 
     def in_its_file(self, k: int) -> tuple[Record, Vector]:
         """Return record k and the resistance predicted for it, shape (m,), in the units of its file."""
         record, predicted = self.fit.records[k], self.fit.predicted[k]
-        if not self.scales:
-            return record, predicted
-        offset, gain = self.scales[k].offset, self.scales[k].gain
-        return replace(record, resistance=offset + gain * record.resistance), offset + gain * predicted
+        measured = record.resistance
+        if self.scales:
+            offset, gain = self.scales[k].offset, self.scales[k].gain
+            measured, predicted = offset + gain * measured, offset + gain * predicted
+        if self.warming is not None:
+            measured, predicted = (self.warming.done(record, each) for each in (measured, predicted))
+        return replace(record, resistance=measured), predicted
 
     def recovered_of(self, k: int) -> dict[str, Recovered]:
         """Return what is recovered from record k, by name; nothing for a model without a compensator."""
@@ -198,6 +205,11 @@ def identify_files(
         if record is not before:
             log.warning("%s: %s", record.name, record.repairs[-1])
     rows = training_stretches(records, train)
+    warming = None
+    if not isinstance(settings, FractionalSettings):
+        warming = fit_warming(records, rows, strain_range(records, full_scale))
+    if warming is not None and warming.clear:
+        records = tuple(map(warming.at_reference, records))
     scales: tuple[RelativeScale, ...] = ()
     if own_scales and len(records) == 1:
         left = option("own_scales", True)
@@ -279,10 +291,13 @@ def identify_files(
         f"{r.name} has the scale {s.offset:.6g} + {s.gain:.6g} R, where R is of {records[0].name}."
         for r, s in zip(records[1:], scales[1:], strict=False)
     )
+    repairs += () if warming is None else (warming.sentence,)
     tested = [e.nrmse / 100.0 for e in errors if e.stretch == "test"]
     artifact: Any = replace(fit.artifact, provenance=provenance)
     if isinstance(fit, PreisachFit):
         artifact = replace(artifact, error=max(tested, default=0.0) or None)
+    if isinstance(fit, PreisachFit) and warming is not None and warming.clear:
+        artifact = replace(artifact, temperature=warming.effect(fit.rest_resistance, fit.resistance_change))
     fit = replace(fit, artifact=artifact)
     remarks = (*repairs, *doubted)
     return Identified(
@@ -293,6 +308,7 @@ def identify_files(
         trials=trials,
         standings=table,
         scales=scales,
+        warming=warming if warming is not None and warming.clear else None,
         own=own,
         cycled=cycled,
     )

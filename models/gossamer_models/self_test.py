@@ -101,7 +101,9 @@ def cycled_range(fit: PreisachFit, record: Record) -> float:
     if not size * np.ptp(record.strain) > 0.0:
         return 0.0
     time, strain = cycles([record.time], [record.strain])
-    repeated = replace(record, time=time, strain=strain, resistance=0.0 * strain, lines=np.arange(strain.size))
+    repeated = replace(
+        record, time=time, strain=strain, resistance=0.0 * strain, lines=np.arange(strain.size), temperature=None
+    )
     return float(np.ptp(predict_resistance(fit, repeated))) / size
 
 

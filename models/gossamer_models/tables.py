@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from itertools import zip_longest
 
 from gossamer_files.tables import TableText
 
@@ -29,8 +30,9 @@ def recognised_table(records: Sequence[Record]) -> TableText:
         samples = f"{found.samples} samples" + f" of {found.rows} rows" * (found.rows > found.samples)
         first = (record.name, found.written, "")
         last = (samples, f"{found.step:.4g} s" if even else varied, f"gaps: {len(found.gaps)}" if found.gaps else "no gap")
-        cells = [_cells(each) for each in found.quantities] + [("",) * 4]  # no time in a record without a clock
-        rows += [(one, *four, six) for one, four, six in zip(first, cells[:3], last, strict=True)]
+        cells = [_cells(each) for each in found.quantities]
+        cells += [("",) * 4] * (3 - len(cells))  # no time in a record without a clock
+        rows += [(one, *four, six) for one, four, six in zip_longest(first, cells, last, fillvalue="")]
     return TableText(("record", "quantity", "column", "unit", "range", "samples, steps"), rows, "Read as")
 
 
@@ -39,9 +41,9 @@ def _cells(quantity: Quantity) -> tuple[str, ...]:
     factor = 100.0 if column.what == "strain" else 1.0
     low, high = factor * quantity.lowest, factor * quantity.highest
     unit = column.unit or {"time": "s, not stated", "strain": "ratio, not stated"}.get(column.what, "not stated")
-    resistance = " ohm" if column.unit is not None and column.si == "ohm" else ""
-    after = {"time": " s", "strain": " %"}.get(column.what, resistance)
-    return column.what, column.name, unit, f"{low:.5g} to {high:.5g}{after}"
+    resistance = " ohm" if column.what == "resistance" and column.unit is not None and column.si == "ohm" else ""
+    after = {"time": " s", "strain": " %", "value": f" {unit}"}.get(column.what, resistance)
+    return "temperature" if column.what == "value" else column.what, column.name, unit, f"{low:.5g} to {high:.5g}{after}"
 
 
 def error_table(result: Identified, rest: str) -> TableText:

@@ -51,6 +51,8 @@ class Variable:
         True if the value changes at isolated times only.
     advice : str
         What to do where a result leaves its range, for that warning.
+    optional : bool
+        True for an input that a program may leave at its start value.
     """
 
     causality: Causality
@@ -63,6 +65,7 @@ class Variable:
     nominal: float | None = None
     discrete: bool = False
     advice: str = ""
+    optional: bool = False
 
     def __post_init__(self) -> None:
         if self.causality not in CAUSALITIES:

@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gossamer_files.inputs import check_outputs, keep
 from gossamer_orchestrator.errors import require
-from gossamer_orchestrator.words import counted
+from gossamer_orchestrator.words import counted, uncertain
 
 from .arguments import AnyPath, File, several
 from .options import TwinOptions
 from .records import files_of, find_record
 from .results import Saved
-from .working import progress_bar
+from .working import progress_bar, save_page
 
 if TYPE_CHECKING:
     import xarray as xr
     from gossamer_files.tables import TableText
     from gossamer_models.twin.recalibration import Recalibrated
+    from gossamer_orchestrator.pages import Page
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -30,12 +31,21 @@ class Recalibration(Saved):
     Attributes
     ----------
     files : list of Path
-        An artifact for each.
+        An artifact for each, and the page.
     sensors : dict of int to gossamer_models.twin.recalibration.Recalibrated
         By number, from 1.
+    name : str
+        Of the record.
+    step : float
+        Its step [s].
+    left_out : tuple of int
+        Sensors without a reading in half of it, which were not identified.
     """
 
     sensors: dict[int, Recalibrated]
+    name: str
+    step: float
+    left_out: tuple[int, ...]
 
     @property
     def data(self) -> xr.Dataset:
@@ -55,8 +65,8 @@ class Recalibration(Saved):
         return f"Identified {counted(len(self.sensors), 'sensor')} again, from the strain of the twin: {off}."
 
     def doubts(self) -> list[str]:
-        """Say where tables are those of the old sensor."""
-        return [
+        """Say which sensors were left out, and where tables are those of the old sensor."""
+        return [f"Sensor {k} was not identified: it has no reading in half of the record." for k in self.left_out] + [
             f"Sensor {k} felt {each.strain[0]:.4g} to {each.strain[1]:.4g} of strain, {100.0 * each.covered:.0f} % of its "
             "full scale; beyond that its tables are the old ones."
             for k, each in self.sensors.items()
@@ -71,13 +81,29 @@ class Recalibration(Saved):
             (
                 str(k),
                 *(f"{100.0 * value:.3g} %" for value in (each.before, each.after)),
+                uncertain(*each.gain),
+                uncertain(*each.offset, "ohm"),
                 f"{each.deviation:.2g}",
                 f"{each.strain[0]:.4g} to {each.strain[1]:.4g}",
             )
             for k, each in self.sensors.items()
         ]
-        head = ("sensor", "old model off", "new model off", "deviation of recovered strain [1]", "strain [1]")
+        head = (
+            "sensor",
+            "old model off",
+            "new model off",
+            "gain [1]",
+            "offset",
+            "deviation of recovered strain [1]",
+            "strain [1]",
+        )
         return [TableText(head, rows, "Off what the sensor reads, beside an offset, rms over its range")]
+
+    def describe(self) -> Page:
+        """Return its page."""
+        from .pages.recalibration import recalibration_page
+
+        return recalibration_page(self.name, self.step, self.sensors, self.sentence, self.doubts(), self.tables())
 
     def hints(self) -> list[str]:
         """Return how to build one."""
@@ -85,9 +111,9 @@ class Recalibration(Saved):
 
     def to_json(self) -> dict[str, Any]:
         """Return the figures."""
-        names = ("before", "after", "deviation", "strain", "covered")
+        names = ("before", "after", "deviation", "strain", "covered", "gain", "offset")
         found = [{"sensor": k, **{name: getattr(each, name) for name in names}} for k, each in self.sensors.items()]
-        return {"files": self.files, "sensors": found}
+        return {"files": self.files, "sensors": found, "left_out": self.left_out}
 
 
 def recalibrated_from(
@@ -130,4 +156,6 @@ def recalibrated_from(
         path.parent.mkdir(parents=True, exist_ok=True)
         each.artifact.write(path)
         files.append(path)
-    return Recalibration(files=files, sensors=again)
+    missing = tuple(k for k in numbers if k not in again)
+    done = Recalibration(files=files, sensors=again, name=paths[0].name, step=found.record.step, left_out=missing)
+    return replace(done, files=[*files, *save_page(done.describe, out)])

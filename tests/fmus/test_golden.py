@@ -51,11 +51,11 @@ def inputs_of(name, golden):
         }
     if name == "sensor":
         return {"strain": strain_history()}
+    known = {"known": 1.0 * (k == 120), "known_strain": strain_history() * (k == 120)}
     if name in ("compensator", "filter"):
-        return {"resistance": golden("sensor", "ref")["resistance"][1:]}
+        return {"resistance": golden("sensor", "ref")["resistance"][1:]} | (known if name == "filter" else {})
     if name == "estimator":
         noise = 0.05 * np.random.default_rng(1).standard_normal(STEPS)
-        known = {"known": 1.0 * (k == 120), "known_strain": strain_history() * (k == 120)}
         return {"resistance": golden("sensor", "ref")["resistance"][1:] + noise} | known
     if name == "detector":
         return {f"strain[{i}]": golden("membrane", "ref")[f"strain[{i}]"][1:] for i in (1, 2, 3, 4)}
@@ -67,7 +67,7 @@ PARAMETERS = {
     "sensor": {"rest_strain": 0.02},
     "compensator": {"rest_strain": 0.02},
     "estimator": {"rest_strain": 0.02, "noise": 0.05},
-    "filter": {"rest_strain": 0.02},
+    "filter": {"rest_strain": 0.02, "initial_gain_deviation": 0.01, "offset_per_day": 100.0},
     "detector": {"window_length": 96 * H, "repeat": 1.0},
     "framed_membrane": {"mount_position[1]": 0.5, "mount_normal[1]": 0.3, "enclosed_pressure": 1.0},
     "hub": {

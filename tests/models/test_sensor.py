@@ -253,10 +253,11 @@ def test_state_and_work_of_a_step_are_fixed():
 
 
 def test_the_step_has_exact_derivatives():
-    x = DEFAULT.init(0.0, [0.0, 1.0, 1.0, 0.2])[0]
+    parameters = [0.0, 1.0, 1.0, 0.2, 293.15, 0.0, 0.0]
+    x = DEFAULT.init([0.0, 293.15], parameters)[0]
     step = DEFAULT.step.factory("d", ["i0", "i1", "i2", "i3"], ["jac:o1:i1"])
-    slope = float(step(x, 0.41, [0.0, 1.0, 1.0, 0.2], 0.1)[0])
-    y = [float(DEFAULT.step(x, 0.41 + d, [0.0, 1.0, 1.0, 0.2], 0.1)[1][0]) for d in (-1e-6, 1e-6)]
+    slope = float(step(x, [0.41, 293.15], parameters, 0.1)[0, 0])
+    y = [float(DEFAULT.step(x, [0.41 + d, 293.15], parameters, 0.1)[1][0]) for d in (-1e-6, 1e-6)]
     assert slope == pytest.approx((y[1] - y[0]) / 2e-6, rel=1e-6)
 
 

@@ -5,6 +5,7 @@ from typing import Literal
 from ..errors import ParameterError
 from ..sensor.artifact import METHODS, SensorArtifact, default_artifact
 from ..step_model import StepModel
+from .ageing import with_ageing
 from .estimator import estimator_model
 from .inverse import direct_model, exact_model
 from .particle import filter_model
@@ -15,7 +16,10 @@ __all__ = ["compensator_model", "estimator_model", "filter_model"]
 
 
 def compensator_model(
-    artifact: SensorArtifact | None = None, method: Literal["inverse", "exact", "estimator", "filter"] | None = None
+    artifact: SensorArtifact | None = None,
+    method: Literal["inverse", "exact", "estimator", "filter"] | None = None,
+    *,
+    ageing: bool = False,
 ) -> StepModel:
     """Build the compensator of the sensor with the same artifact.
 
@@ -28,6 +32,8 @@ def compensator_model(
         ``exact_model``; "exact" is this one in any case. ``estimator_model``, which tolerates noise, delays the strain
         and reports its uncertainty. Or ``filter_model``, which does so for every sensor. None for the one that the
         artifact names, else the inverse.
+    ageing : bool
+        Whether it follows slow gain and offset of the sensor wherever the strain is known, see ``with_ageing``.
 
     Returns
     -------
@@ -40,6 +46,8 @@ def compensator_model(
         The method is unknown or cannot compensate this sensor.
     """
     artifact = default_artifact() if artifact is None else artifact
+    if ageing:
+        return with_ageing(compensator_model(artifact, method), artifact)
     method = method or artifact.compensator or "inverse"  # type: ignore[assignment]
     if method == "estimator":
         return estimator_model(artifact)

@@ -24,9 +24,10 @@ import casadi as ca
 from ..errors import ParameterError
 from ..sensor.artifact import SensorArtifact, default_artifact
 from ..sensor.law import SensorLaw, SensorState
-from ..sensor.model import SCALE_VARIABLES, model_of, normalised, resting_state, saturated
+from ..sensor.model import SCALE_VARIABLES, TEMPERATURE, model_of, normalised, resting_state, saturated
 from ..step_model import StepModel
 from ..variables import Results, Values, input_, output, parameter, select
+from .ageing import KNOWN
 from .estimation import BACK, Drift, Leg, Smoothed, smooth
 from .inverse import LATE_VARIABLES, TAKE_THE_FILTER, invert
 
@@ -45,8 +46,8 @@ VARIABLES = (
     parameter("noise", "ohm", "Standard deviation of the resistance's white noise; 0 = no smoothing", 0.1, 0.0, nominal=0.1),
     parameter("eta_deviation", "1", "Standard deviation of the relative error of eta; 0 trusts it", 0.01, 0.0, nominal=0.01),
     input_("resistance", "ohm", "Measured resistance, one sample per step", 100.0, nominal=100.0),
-    input_("known", "1", "1 if the strain is known now, which ends the drift; else 0", 0.0, 0.0, 1.0, discrete=True),
-    input_("known_strain", "1", "Present strain; read while known is 1", 0.0, 0.0, nominal=0.1),
+    TEMPERATURE,
+    *KNOWN,
     output("strain", "1", "Estimated strain, delay seconds ago", minimum=0.0, nominal=0.1),
     saturated("1 if neither a strain from 0 to full scale nor noise nor drift explains the resistance, else 0"),
     *LATE_VARIABLES,
@@ -206,7 +207,7 @@ def estimator_model(artifact: SensorArtifact | None = None, half_widths: tuple[i
     def step(x: EstimatorState, u: Values, p: Values, h: ca.MX) -> tuple[EstimatorState, Results]:
         # smooth
         sigma = p.noise / p.full_scale_resistance_change
-        buffer = x.buffer.push(normalised(u.resistance, p), h, u.known, u.known_strain / p.full_scale_strain)
+        buffer = x.buffer.push(normalised(u.resistance, u, p), h, u.known, u.known_strain / p.full_scale_strain)
         middle, present = (smooth(buffer.output, sigma, half_widths, place) for place in (M, 2 * M))
         now = MiddleSample(middle, ca.fmax(buffer.h[0], SHORTEST), buffer.known[0] > 0.5, buffer.strain[0])
         # follow

@@ -28,7 +28,7 @@ from ..sensor.artifact import SensorArtifact
 from ..sensor.direct import DirectLaw, DirectState, LowPass
 from ..sensor.hysteresis import Table, widths
 from ..sensor.law import SensorLaw, SensorState, excitation
-from ..sensor.model import SCALE_VARIABLES, model_of, normalised, resistance, resting_state, saturated
+from ..sensor.model import SCALE_VARIABLES, TEMPERATURE, model_of, normalised, resistance, resting_state, saturated
 from ..step_model import StepModel
 from ..variables import Results, Values, input_, output, parameter
 
@@ -49,6 +49,7 @@ COMMON_VARIABLES = (
         "filter_time", "s", "Time constant of a first-order low-pass on the resistance; 0 = off", 0.0, 0.0, nominal=1.0
     ),
     input_("resistance", "ohm", "Measured resistance, taken as linear over a step", 100.0, nominal=100.0),
+    TEMPERATURE,
     output("strain", "1", "Recovered strain", minimum=0.0, nominal=0.1),
     saturated("1 if no strain from 0 to full scale explains the resistance, else 0"),
 )
@@ -119,14 +120,14 @@ def exact_model(artifact: SensorArtifact) -> StepModel:
         raise ParameterError(msg)
     law = SensorLaw(artifact)
 
-    def init(_: Values, p: Values) -> tuple[CompensatorState, Results]:
+    def init(u: Values, p: Values) -> tuple[CompensatorState, Results]:
         rest = resting_state(law, p)
-        R = resistance(rest.output(), p)
+        R = resistance(rest.output(), u, p)
         return CompensatorState(rest, LowPass(R, R)), {"strain": rest.s * p.full_scale_strain, "saturated": 0.0}
 
     def step(x: CompensatorState, u: Values, p: Values, h: ca.MX) -> tuple[CompensatorState, Results]:
         low_pass = x.low_pass.advance(u.resistance, p.filter_time, h)
-        y = normalised(low_pass.filtered, p)
+        y = normalised(low_pass.filtered, u, p)
         target = y - law.hold(x.sensor, h).output()
         quiet = ca.fabs(target) * p.full_scale_resistance_change < p.dead_band
         inverted, out_of_reach = invert(law, x.sensor, target, h)
@@ -264,17 +265,17 @@ def direct_model(artifact: SensorArtifact) -> StepModel:
         raise ParameterError(msg)
     direct, forward = DirectLaw(inverse), SensorLaw(artifact)
 
-    def init(_: Values, p: Values) -> tuple[DirectCompensatorState, Results]:
+    def init(u: Values, p: Values) -> tuple[DirectCompensatorState, Results]:
         rest = resting_state(forward, p)
         y = forward.output(rest)
-        R = resistance(y, p)
+        R = resistance(y, u, p)
         strain = rest.s * p.full_scale_strain
         zero = dict.fromkeys(("saturated", "strain_deviation", "delay"), ca.MX(0.0))
         return DirectCompensatorState(direct.rest(y), LowPass(R, R)), {"strain": strain, "present_strain": strain, **zero}
 
     def step(x: DirectCompensatorState, u: Values, p: Values, h: ca.MX) -> tuple[DirectCompensatorState, Results]:
         low_pass = x.low_pass.advance(u.resistance, p.filter_time, h)
-        y = normalised(low_pass.filtered, p)
+        y = normalised(low_pass.filtered, u, p)
         state = direct.advance(x.memory, y, h)
         features = direct.features(state)
         strain, scatter, outside = direct.earlier(features)

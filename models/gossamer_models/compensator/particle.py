@@ -31,7 +31,7 @@ from ..sensor.artifact import DEFAULT_TRACKING, ErrorModel, SensorArtifact, Trac
 from ..sensor.direct import DirectLaw, DirectState
 from ..sensor.hysteresis import down
 from ..sensor.law import SensorLaw, SensorState
-from ..sensor.model import SCALE_VARIABLES, clip, model_of, normalised, resting_state, saturated
+from ..sensor.model import SCALE_VARIABLES, TEMPERATURE, clip, model_of, normalised, resting_state, saturated
 from ..step_model import StepModel
 from ..variables import Results, Values, input_, output, parameter
 from .inverse import LATE_VARIABLES
@@ -66,6 +66,7 @@ VARIABLES = (
         "noise", "ohm", "Standard deviation of the resistance's white noise, beyond the model's own", 0.0, 0.0, nominal=0.1
     ),
     input_("resistance", "ohm", "Measured resistance, one sample per step", 100.0, nominal=100.0),
+    TEMPERATURE,
     output("strain", "1", "Estimated strain, delay seconds ago", minimum=0.0, nominal=0.1),
     saturated("1 if no hypothesis of the strain explains the resistance, else 0"),
     *LATE_VARIABLES,
@@ -188,7 +189,7 @@ def filter_model(artifact: SensorArtifact | None = None, particles: int = PARTIC
         return state, {"strain": strain, "present_strain": strain, **zero}
 
     def step(x: FilterState, u: Values, p: Values, h: ca.MX) -> tuple[FilterState, Results]:
-        y = normalised(u.resistance, p)
+        y = normalised(u.resistance, u, p)
         inverse, aim = x.inverse, None
         if direct is not None and isinstance(inverse, DirectState):
             inverse = direct.advance(inverse, y, h)

@@ -12,15 +12,18 @@ Rules, beside those of ``gossamer_files.measured``, each with the line of the fi
   refused, because the switching during the gap is unknown. A gap at constant strain stays and is reported.
 - Strain above 1 in a column without a unit, an output that jumps by a factor of ``LARGEST_JUMP`` between
   samples, and records of one fit whose largest outputs differ by this factor are refused as mixed units.
+- A column called temperature is read where its unit is in brackets, K or degC; it may be missing.
 - Constant strain or output, and strain below zero by more than rounding of the meter, are refused.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from gossamer_files.measured import Column, Measured, Wanted, find_column, of_a_run, passes_midnight, read_columns
+from gossamer_files.measured.units import in_base_units
 from gossamer_files.options import option
 from numpy.typing import NDArray
 
@@ -32,6 +35,7 @@ MOST_MISSING = 0.05
 GAP_STRAIN = 0.05
 LARGEST_JUMP = 30.0  # of the output between two samples: a meter that changed its unit
 LEAST_STRAIN = -0.01  # of the range: a drifted zero of the meter
+TEMPERATURE = re.compile(r"(?i:temperatur|temperature|temp)[\s_]*[\[(](K|degC|°C)[\])]")
 SWAPPED, NOISY = 1.5, 5e-4  # noise of strain over that of the output, and over its range: gauges are quieter than sensors
 
 
@@ -61,7 +65,10 @@ class Columns:
     sort: bool = False
 
     def choose(self, path: Path, header: list[str], line: int) -> list[Column]:
-        """Return time, unless there is a sampling step, strain and resistance; refuse all unclear ones at once."""
+        """Return time, unless there is a sampling step, strain and resistance; refuse all unclear ones at once.
+
+        Temperature comes last, where one column states that it holds it.
+        """
         wanted, mistakes = list[Column](), list[str]()
         for what in ("time", "strain", "resistance")[self.sampling_step is not None :]:
             column = Wanted(what=what, name=getattr(self, what), unit=getattr(self, f"{what}_unit"), options=True)
@@ -81,6 +88,9 @@ class Columns:
             ]
         if mistakes:
             raise DataError("\n".join(mistakes))
+        warm = [cell for cell in header if TEMPERATURE.fullmatch(cell.strip())]
+        if len(warm) == 1:
+            wanted.append(find_column(path, header, line, Wanted(what="value", name=warm[0])))
         return wanted
 
 
@@ -130,12 +140,12 @@ def read_record(path: Path, columns: Columns | None = None, *, weight: float = 1
     _drop_missing(samples, measured)
     measured.check_days(samples.columns[0])
     _order_times(samples, measured, sort=columns.sort)
-    time, strain, resistance = samples.columns
+    time, strain, resistance, *warm = samples.columns
     measured.check_clock(time, ", or give the sampling step")
-    measured.check_strain(measured.columns[-2], strain, samples.lines)
+    measured.check_strain(next(c for c in measured.columns if c.what == "strain"), strain, samples.lines)
     _check(samples)
     steps = np.diff(time)
-    ranges = {"time": time, "strain": strain, "resistance": resistance}
+    ranges = {"time": time, "strain": strain, "resistance": resistance} | ({"value": warm[0]} if warm else {})
     summary = RecordSummary(
         written=measured.written,
         quantities=tuple(
@@ -167,6 +177,7 @@ def read_record(path: Path, columns: Columns | None = None, *, weight: float = 1
         weight=weight,
         repairs=tuple(samples.repairs),
         summary=summary,
+        temperature=_in_kelvin(measured.columns[-1], warm[0]) if warm else None,
     )
 
 
@@ -209,6 +220,12 @@ def read_records(
     return tuple(records)
 
 
+def _in_kelvin(column: Column, values: Vector) -> Vector:
+    unit = in_base_units({"°C": "degC"}.get(column.unit or "", column.unit or ""))
+    assert unit is not None
+    return unit.factor * values + unit.offset
+
+
 def _drop_missing(samples: _Samples, measured: Measured) -> None:
     """Leave out samples without a finite number."""
     good = np.all([np.isfinite(c) for c in samples.columns], axis=0)
@@ -249,7 +266,7 @@ def _order_times(samples: _Samples, measured: Measured, *, sort: bool) -> None:
 
 def _check(samples: _Samples) -> None:
     """Refuse a record that cannot be that of a sensor."""
-    time, strain, resistance = samples.columns
+    time, strain, resistance, *_ = samples.columns
     size = float(np.ptp(strain)) if strain.size else 0.0
     if time.size < 3 or not size > 0.0 or not np.ptp(resistance) > 0.0:
         what = "too short" if time.size < 3 else "of constant strain" if not size > 0.0 else "of constant output"

@@ -72,7 +72,7 @@ class RecordSummary:
     written : str
         Encoding, delimiter, decimal mark and where the header stands, where they are not the usual ones.
     quantities : tuple of Quantity
-        Time, strain and resistance; no time for a record without a clock.
+        Time, strain and resistance, and temperature where it was read; no time for a record without a clock.
     samples, rows : int
         Number of samples that were kept, and of rows below the header.
     step, shortest, longest : float
@@ -142,6 +142,8 @@ class Record:
         Repairs of the record, one sentence each.
     summary : RecordSummary or None
         What was recognised in its file; None for a record that comes from none.
+    temperature : ndarray, shape (m,), or None
+        Of the sensor [K]; None where it was not measured.
     """
 
     name: str
@@ -152,9 +154,10 @@ class Record:
     weight: float = 1.0
     repairs: tuple[str, ...] = ()
     summary: RecordSummary | None = None
+    temperature: Vector | None = None
 
     def __post_init__(self) -> None:
-        table = [self.time, self.strain, self.resistance]
+        table = [self.time, self.strain, self.resistance, *([] if self.temperature is None else [self.temperature])]
         problem = None
         if len({column.shape for column in table}) > 1 or self.time.ndim != 1:
             problem = f"its columns have shapes {', '.join(str(column.shape) for column in table)}: need equal columns"
@@ -174,7 +177,7 @@ class Record:
     def at(self, rows: Rows | NDArray[np.int_]) -> Record:
         """Return the record with some of its samples."""
         columns = {name: getattr(self, name)[rows] for name in ("time", "strain", "resistance", "lines")}
-        return replace(self, **columns)
+        return replace(self, **columns, temperature=None if self.temperature is None else self.temperature[rows])
 
     @property
     def repaired(self) -> tuple[str, ...]:
@@ -333,7 +336,7 @@ def in_equal_steps(record: Record, train: Rows) -> tuple[Record, Rows]:
     lines = np.rint(np.interp(even, time, record.lines)).astype(int)
     reach = 1e-6 * (even[1] - even[0])
     rows = (even >= time[train][0] - reach) & (even <= time[train][-1] + reach)
-    return replace(record, time=even, strain=strain, resistance=resistance, lines=lines), rows
+    return replace(record, time=even, strain=strain, resistance=resistance, lines=lines, temperature=None), rows
 
 
 def forward_cuts(train: tuple[Rows, ...]) -> Iterator[tuple[tuple[Rows, ...], tuple[Rows, ...]]]:

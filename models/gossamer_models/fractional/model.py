@@ -26,7 +26,7 @@ from gossamer_files.options import option
 from ..arrays import Matrix, Vector
 from ..errors import DataError, ParameterError
 from ..modes import PowerLawKernels, phi_1, phi_2, responses
-from ..sensor.model import RESISTANCE, SCALE_VARIABLES, STRAIN, resistance, saturated
+from ..sensor.model import RESISTANCE, SCALE_VARIABLES, STRAIN, TEMPERATURE, resistance, saturated
 from ..step_model import StepModel
 from ..variables import Variable
 from .artifact import FractionalArtifact
@@ -187,9 +187,9 @@ def fractional_sensor_model(artifact: FractionalArtifact) -> StepModel:
     rates, w = ca.DM(artifact.kernels.rates), ca.DM(weights)
     n = rates.numel()
 
-    def init(_: SimpleNamespace, p: SimpleNamespace) -> tuple[ca.MX, dict[str, ca.MX]]:
+    def init(u: SimpleNamespace, p: SimpleNamespace) -> tuple[ca.MX, dict[str, ca.MX]]:
         rest = p.rest_strain / p.full_scale_strain
-        return ca.DM.zeros(n + 1), {"resistance": resistance(artifact.direct * rest, p), "saturated": rest > 1.0}
+        return ca.DM.zeros(n + 1), {"resistance": resistance(artifact.direct * rest, u, p), "saturated": rest > 1.0}
 
     def step(x: ca.MX, u: SimpleNamespace, p: SimpleNamespace, h: ca.MX) -> tuple[ca.MX, dict[str, ca.MX]]:
         z, before = x[:n], x[n]  # before, s: changes of strain since the run began [1]
@@ -198,7 +198,7 @@ def fractional_sensor_model(artifact: FractionalArtifact) -> StepModel:
         z = ca.exp(-rates * h) * z + h * ((phi_1(rates * h) - late) * before + late * s)
         output = artifact.direct * u.strain / p.full_scale_strain + mass * s + ca.dot(w, z)
         outside = ca.logic_or(u.strain > p.full_scale_strain, u.strain < 0.0)
-        return ca.vertcat(z, s), {"resistance": resistance(output, p), "saturated": outside}
+        return ca.vertcat(z, s), {"resistance": resistance(output, u, p), "saturated": outside}
 
     return StepModel.written(
         name="sensor",  # scenarios and reports recognise it by this name
@@ -206,6 +206,7 @@ def fractional_sensor_model(artifact: FractionalArtifact) -> StepModel:
         variables=(
             *_scale_variables(artifact),
             STRAIN,
+            TEMPERATURE,
             RESISTANCE,
             saturated(description="1 if the strain is outside 0 to full scale, where the model is not identified, else 0"),
         ),
@@ -218,7 +219,7 @@ def fractional_sensor_model(artifact: FractionalArtifact) -> StepModel:
 
 def _scale_variables(artifact: FractionalArtifact) -> tuple[Variable, ...]:
     """Return the sensor's parameters, same names and order, with the artifact's values and what they mean here."""
-    rest, change, full_scale, rest_strain = SCALE_VARIABLES
+    rest, change, full_scale, rest_strain, *others = SCALE_VARIABLES
     return (
         # a signal that is no resistance may rest below zero
         replace(rest, start=artifact.rest_resistance, minimum=min(0.0, artifact.rest_resistance)),
@@ -233,4 +234,5 @@ def _scale_variables(artifact: FractionalArtifact) -> tuple[Variable, ...]:
             description="Strain at the end of the identified range, which the model's strain is measured in",
         ),
         replace(rest_strain, description="Strain at which the run starts; its memory acts on the change from there"),
+        *others,
     )

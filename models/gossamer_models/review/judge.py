@@ -192,7 +192,7 @@ def judge_files(
     offset, gain, full_scale = scales_of(artifact, sensor)
     compensators = compensators or (artifact.compensator or "inverse",)
     whole = read_records(paths, columns)
-    read = tuple(up_to_full_scale(record, full_scale) for record in whole)
+    read = tuple(_at_reference(up_to_full_scale(record, full_scale), artifact, offset, gain) for record in whole)
     recognised(read)
     judged = []
     for path, record, its_file in zip(paths, read, whole, strict=True):
@@ -240,6 +240,17 @@ def up_to_full_scale(record: Record, full_scale: float) -> Record:
         "was not identified"
     )
     return replace(record.at(np.arange(k)), repairs=(*record.repairs, text))
+
+
+def _at_reference(record: Record, artifact: SensorArtifact, offset: float, gain: float) -> Record:
+    """Return a record with the resistance that it would have at the temperature of the artifact, and say so."""
+    warm = artifact.temperature
+    if warm is None or record.temperature is None:
+        return record
+    dT = record.temperature - warm.reference
+    R = offset + (record.resistance - offset - gain * warm.offset * dT) / (1.0 + warm.gain * dT)
+    text = f"its resistance is brought to {warm.reference:.1f} K, at which the sensor was identified"
+    return replace(record, resistance=R, repairs=(*record.repairs, text))
 
 
 def read_sensor(path: Path) -> SensorArtifact:

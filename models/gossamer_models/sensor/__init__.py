@@ -1,6 +1,6 @@
 """Sensor: strain to resistance with hysteresis, drift and relaxation."""
 
-from .artifact import DirectInverse, Scales, SensorArtifact, default_artifact
+from .artifact import DirectInverse, Scales, SensorArtifact, TemperatureEffect, default_artifact
 from .drives import EXTENSIONS, Drive, RelaxationTerm
 from .model import sensor_model
 
@@ -11,6 +11,7 @@ __all__ = [
     "RelaxationTerm",
     "Scales",
     "SensorArtifact",
+    "TemperatureEffect",
     "default_artifact",
     "sensor_model",
 ]

@@ -188,6 +188,30 @@ class Scales:
         _positive(self, "the scales of a sensor", *self.__slots__)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TemperatureEffect:
+    """How gain and offset of a sensor follow temperature, linear in its difference from a reference.
+
+    Attributes
+    ----------
+    reference : float
+        Temperature [K] at which the artifact was identified, positive.
+    gain : float
+        Relative change of the output [1/K].
+    offset : float
+        Change of the output at rest [1/K].
+    """
+
+    reference: float
+    gain: float
+    offset: float
+
+    def __post_init__(self) -> None:
+        _positive(self, "absolute temperatures", "reference")
+        finite = np.isfinite(self.gain) and np.isfinite(self.offset)
+        require(finite, "the effect of temperature is no finite number. Identify the sensor again.")
+
+
 @dataclass(frozen=True, kw_only=True)
 class SensorArtifact:
     r"""Everything that distinguishes one sensor from another, normalised.
@@ -217,6 +241,8 @@ class SensorArtifact:
         judged; None where it was not measured.
     error : float or None
         What the model misses of the worst test stretch, root mean square as a share of its range [1]; None without one.
+    temperature : TemperatureEffect or None
+        What temperature does to the output; None where the records held none, or told nothing of it.
     provenance : dict
         Origin and digest of the data, command, errors reached, assumptions.
 
@@ -238,6 +264,7 @@ class SensorArtifact:
     scales: Scales | None = None
     noise: float | None = None
     error: float | None = None
+    temperature: TemperatureEffect | None = None
     provenance: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -17,8 +17,11 @@ from .artifact import SensorArtifact, default_artifact
 from .law import SensorLaw, SensorState
 
 LIKELY_NOISE = 1e-3  # [1] start value of an estimator's noise where none was measured
+LIKELY_ERROR = 1e-2  # [1] the same of the error of a sensor's model
 ADVICE = "rest_strain must not exceed full_scale_strain; inputs and steps must be of a sensible size."
 
+REFERENCE = 293.15  # [K]
+LEAST_GAIN = 0.1  # [1] of what temperature may do
 SCALE_VARIABLES = (
     parameter("rest_resistance", "ohm", "Resistance of the sensor before its first loading", 100.0, 0.0, nominal=100.0),
     parameter(
@@ -28,7 +31,11 @@ SCALE_VARIABLES = (
     parameter(
         "rest_strain", "1", "Strain of the relaxed sensor before the run, after monotone loading", 0.0, 0.0, nominal=0.1
     ),
+    parameter("reference_temperature", "K", "Temperature at which the other parameters hold", REFERENCE, 0.0, nominal=300.0),
+    parameter("gain_per_kelvin", "1/K", "Relative change of the change of resistance with temperature", 0.0, nominal=1e-3),
+    parameter("offset_per_kelvin", "ohm/K", "Change of the resistance at rest with temperature", 0.0, nominal=0.1),
 )
+TEMPERATURE = input_("temperature", "K", "Temperature of the sensor", REFERENCE, 0.0, nominal=300.0, optional=True)
 STRAIN = input_("strain", "1", "Strain of the sensor, taken as linear over a step", 0.0, nominal=0.1)
 RESISTANCE = output("resistance", "ohm", "Resistance of the sensor", nominal=100.0)
 saturated = partial(output, "saturated", "1", minimum=0.0, maximum=1.0, discrete=True)
@@ -41,9 +48,13 @@ def with_scales(variables: tuple[Variable, ...], artifact: SensorArtifact, *, qu
     """
     if artifact.scales is None:
         return variables
-    starts = {**asdict(artifact.scales), "resistance": artifact.scales.rest_resistance}
+    starts: dict[str, float] = {**asdict(artifact.scales), "resistance": artifact.scales.rest_resistance}
     noise = LIKELY_NOISE if artifact.noise is None else artifact.noise
     starts["noise"] = 0.0 if quiet else noise * artifact.scales.full_scale_resistance_change
+    if (warm := artifact.temperature) is not None:
+        starts |= dict.fromkeys(("temperature", "reference_temperature"), warm.reference) | {"gain_per_kelvin": warm.gain}
+        starts["offset_per_kelvin"] = warm.offset * artifact.scales.full_scale_resistance_change
+    starts["known_deviation"] = (artifact.error or LIKELY_ERROR) * artifact.scales.full_scale_resistance_change
     return tuple(v if v.causality == "output" else replace(v, start=starts.get(v.name, v.start)) for v in variables)
 
 
@@ -84,7 +95,8 @@ def sensor_model(artifact: SensorArtifact | None = None) -> StepModel:
 
     Notes
     -----
-    :math:`R = R_0 + \Delta R\,(f_s + \sum_q z_q)`, Eqs. (4.7) and (4.13) of [1]_. ``init`` ignores the strain: the run
+    :math:`R = R_0 + \Delta R\,(f_s + \sum_q z_q)`, Eqs. (4.7) and (4.13) of [1]_, at the reference temperature; a
+    warmer sensor has another gain and offset. ``init`` ignores the strain: the run
     starts at ``rest_strain``, so there is no false transient, and the first step ramps from there.
 
     References
@@ -95,19 +107,19 @@ def sensor_model(artifact: SensorArtifact | None = None) -> StepModel:
     artifact = default_artifact() if artifact is None else artifact
     law = SensorLaw(artifact)
 
-    def init(_: Values, p: Values) -> tuple[SensorState, Results]:
+    def init(u: Values, p: Values) -> tuple[SensorState, Results]:
         rest = resting_state(law, p)
-        return rest, {"resistance": resistance(law.output(rest), p), "saturated": 0.0}
+        return rest, {"resistance": resistance(law.output(rest), u, p), "saturated": 0.0}
 
     def step(x: SensorState, u: Values, p: Values, h: ca.MX) -> tuple[SensorState, Results]:
         s = u.strain / p.full_scale_strain
         state = law.advance(x, clip(s), h)
         outside = ca.logic_or(s > 1.0, s < 0.0)
-        return state, {"resistance": resistance(law.output(state), p), "saturated": outside}
+        return state, {"resistance": resistance(law.output(state), u, p), "saturated": outside}
 
     beyond = saturated("1 if the strain is outside 0 to full scale and was clipped, else 0")
     what = "Conductive polymer strain sensor with hysteresis, drift and relaxation"
-    return model_of(artifact, "sensor", what, (*SCALE_VARIABLES, STRAIN, RESISTANCE, beyond), init, step)
+    return model_of(artifact, "sensor", what, (*SCALE_VARIABLES, STRAIN, TEMPERATURE, RESISTANCE, beyond), init, step)
 
 
 def resting_state(law: SensorLaw, p: Values) -> SensorState:
@@ -116,14 +128,22 @@ def resting_state(law: SensorLaw, p: Values) -> SensorState:
     return law.rest(ca.if_else(p.rest_strain <= p.full_scale_strain, s, float("nan")))
 
 
-def resistance(y: ca.MX, p: Values) -> ca.MX:
-    """Return the resistance [ohm] of a normalised output [1]."""
-    return p.rest_resistance + p.full_scale_resistance_change * y
+def resistance(y: ca.MX, u: Values, p: Values) -> ca.MX:
+    """Return the resistance [ohm] of a normalised output [1] at the present temperature."""
+    gain, offset = _warmed(u, p)
+    return p.rest_resistance + offset + p.full_scale_resistance_change * (gain * y)
 
 
-def normalised(R: ca.MX, p: Values) -> ca.MX:
-    """Return the normalised output [1] of a resistance [ohm]."""
-    return (R - p.rest_resistance) / p.full_scale_resistance_change
+def normalised(R: ca.MX, u: Values, p: Values) -> ca.MX:
+    """Return the normalised output [1] of a resistance [ohm] at the present temperature."""
+    gain, offset = _warmed(u, p)
+    return (R - p.rest_resistance - offset) / p.full_scale_resistance_change / gain
+
+
+def _warmed(u: Values, p: Values) -> tuple[ca.MX, ca.MX]:
+    """Return gain [1] and offset [ohm] at the present temperature: one and zero, to the bit, at the reference."""
+    warmer = u.temperature - p.reference_temperature
+    return ca.fmax(1.0 + p.gain_per_kelvin * warmer, LEAST_GAIN), p.offset_per_kelvin * warmer
 
 
 def clip(s: ca.MX) -> ca.MX:

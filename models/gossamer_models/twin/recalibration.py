@@ -27,6 +27,7 @@ LEAST, MOST = -0.9, 9.0  # relative change
 OFFSET = 10.0  # deviation of the offset, in units of the range of the record
 TRIED = np.geomspace(1e-4, 3.0, 30)  # deviations of the relative changes
 ROUNDS = 3  # of tables, about which relaxation is linear
+STRETCHES = 10  # of a record, of which each is left out once
 OPTIMISM = 1.4  # by which errors grow from the record to others
 
 
@@ -47,6 +48,11 @@ class Recalibrated:
         Lowest and highest strain of the record [1].
     covered : float
         Share [1] of the range of the old one that the record covers.
+    gain, offset : tuple of float
+        What it reads over what the old one would, in changes of resistance [1], and beside that at rest [ohm]; each with its
+        standard deviation, from stretches of the record that are left out.
+    felt, measured, by_old, by_new : ndarray, shape (n,)
+        Strain of the twin [1], resistance as measured and by the models, the new one with its offset [ohm].
     """
 
     artifact: SensorArtifact
@@ -55,6 +61,12 @@ class Recalibrated:
     deviation: float
     strain: tuple[float, float]
     covered: float
+    gain: tuple[float, float]
+    offset: tuple[float, float]
+    felt: Vector
+    measured: Vector
+    by_old: Vector
+    by_new: Vector
 
 
 def recalibrate(answer: Answer, bank: SensorBank, origin: str = "") -> dict[int, Recalibrated]:
@@ -149,6 +161,7 @@ def _again(bank: SensorBank, strain: Vector, R: Vector, noise: float, h: float, 
             "new sensor off": f"{100.0 * after.std() / span:.3g} % of its range",
         },
     )
+    gain, displaced = _aged(known[there] - float(old["rest_resistance"][0]), (R - known)[there])
     return Recalibrated(
         artifact=again,
         before=float(before.std()) / span,
@@ -156,7 +169,23 @@ def _again(bank: SensorBank, strain: Vector, R: Vector, noise: float, h: float, 
         deviation=OPTIMISM * missed / float(slope),
         strain=(low, high),
         covered=(high - low) / full,
+        gain=gain,
+        offset=displaced,
+        felt=strain,
+        measured=R,
+        by_old=known,
+        by_new=fitted,
     )
+
+
+def _aged(change: Vector, beyond: Vector) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return gain and offset with deviations from what the old sensor changes by [ohm] and what is read beyond it [ohm]."""
+    A, every = np.column_stack([change, np.ones(change.size)]), np.arange(change.size)
+    best = np.linalg.lstsq(A, beyond, rcond=None)[0]
+    kept = [np.delete(every, part) for part in np.array_split(every, STRETCHES)]
+    others = [np.linalg.lstsq(A[rows], beyond[rows], rcond=None)[0] for rows in kept]
+    spread = np.sqrt((STRETCHES - 1.0) * np.mean((np.array(others) - best) ** 2, axis=0))
+    return (1.0 + float(best[0]), float(spread[0])), (float(best[1]), float(spread[1]))
 
 
 def _changed(artifact: SensorArtifact, c: Vector) -> SensorArtifact:

@@ -146,6 +146,11 @@ class FmuFile:
         """
         return bool(getattr(self.variables[name].declaredType, "relativeQuantity", False))
 
+    def is_optional(self, name: str) -> bool:
+        """Tell whether an input may stay at its start value: its declared type has the name ``optional``."""
+        declared = self.variables[name].declaredType
+        return declared is not None and declared.name == "optional"
+
     def feedthrough(self) -> dict[str, list[str]]:
         """List, for each output, the inputs it depends on at the same instant; undeclared means all of them."""
         inputs = self.names("input")

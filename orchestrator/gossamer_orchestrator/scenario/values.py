@@ -55,7 +55,8 @@ def start_values(draft: Draft, name: str, connected: set[str], fed: set[str]) ->
             text = f"input '{name}.{key}' is connected and given a value. Remove one of the two."
             problems.add((*place, "inputs", key), text)
     inputs = expand((*place, "inputs"), component.inputs, fmu, fmu.names("input"), "input", problems)
-    missing = [v for v in fmu.names("input") if f"{name}.{v}" not in fed and v not in inputs]
+    fixed = [v for v in fmu.names("input") if f"{name}.{v}" not in fed and v not in inputs]
+    missing = [v for v in fixed if not fmu.is_optional(v)]
     if missing:
         shown = ", ".join(missing[:6]) + (", ..." if len(missing) > 6 else "")
         starts = ", ".join(f'"{v}" = {_toml(fmu.variables[v])}' for v in missing[:2])

@@ -46,6 +46,11 @@ def test_each_sensor_of_a_flight_gets_an_artifact_and_the_one_that_is_off_is_tol
     assert found.sentence.startswith("Identified 4 sensors again, from the strain of the twin: off by up to")
     assert found.data["before"].to_numpy().argmax() == 2
     assert found.data["before"].to_numpy()[2] > 5.0 * found.data["after"].to_numpy()[2]
+    assert found.sensors[3].gain[0] == pytest.approx(1.08, abs=max(0.01, 3.0 * found.sensors[3].gain[1]))
+    assert found.sensors[1].gain[0] == pytest.approx(1.0, abs=max(0.01, 3.0 * found.sensors[1].gain[1]))
+    page = (tmp_path / "sensors" / "report.html").read_text(encoding="utf-8")
+    assert "Sensors identified again from flight.csv" in page
+    assert all(f"Sensor {k}" in page for k in range(1, 5))
     for k, each in found.sensors.items():
         assert SensorArtifact.read(tmp_path / "sensors" / f"sensor_{k}.json") == each.artifact
 
