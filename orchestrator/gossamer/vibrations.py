@@ -6,12 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gossamer_files.inputs import check_outputs
 from gossamer_files.tables import TableText, number, percent
 
 from .arguments import Count, File, FmiVersion, Folder, Names, Numbers, Values, assigned, command, several
 from .records import numbers_by_name
 from .results import Saved, zone_coordinates
-from .working import keep_inputs, need_setup, save_page, say
+from .working import need_setup, save_page, say
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -196,7 +197,7 @@ def modes(
 
     folder = Path(out)
     arrays, shapes = folder / "modes.nc", folder / "modes.vtu"
-    keep_inputs([setup, mesh], [arrays, shapes])
+    check_outputs([arrays, shapes])
     structure = _structure(setup, mesh)
     found = Linearised(structure, numbers_by_name(assigned(set), "for instance pressure=100")).modes(count)
     changes = found.sensitivities()
@@ -389,7 +390,7 @@ def reduce(
 
     folder = Path(out)
     arrays, matlab = folder / "reduced.npz", folder / "reduced.mat"
-    keep_inputs([setup, mesh], [arrays, matlab, folder / "reduced_membrane.fmu"])
+    check_outputs([arrays, matlab, folder / "reduced_membrane.fmu"])
     given = numbers_by_name(assigned(set), "for instance pressure=100")
     kept = Linearised(_structure(setup, mesh), given).modes(modes)
     found = reduce_membrane(kept, [int(k) for k in nodes or ()])
