@@ -102,6 +102,24 @@ class Instance:
         for name, value in values.items():
             self._write(self.port([name], self.fmu.variables[name].type).put([value]), f"refused {name!r} = {value!r}")
 
+    def differing(self, values: Mapping[str, Value]) -> dict[str, Value]:
+        """Return what the FMU has in place of values that were set, by name, as far as they can be read and differ."""
+        names: dict[str, list[str]] = {}
+        for name in self.fmu.whole(values):
+            names.setdefault(self.fmu.variables[name].type, []).append(name)
+        found: dict[str, Value] = {}
+        for kind, each in names.items():
+            port = self.port(each, kind)
+            status = port.get_them(*port.arguments)
+            if status > WARNING:
+                if status == FATAL:
+                    self._check(status, "did not return its start values")
+                continue
+            present = dict(zip(each, port.get(), strict=True))
+            stated = dict(zip(each, port.put([values.get(name, present[name]) for name in each]).get(), strict=True))
+            found |= {name: value for name, value in present.items() if repr(value) != repr(stated[name])}
+        return found
+
     def enter_initialization(self, stop: float) -> None:
         """Set the times of the run and enter the mode in which start values are set."""
         self._call("refused the run's times", "setupExperiment", None, self.time, stop)

@@ -12,6 +12,8 @@ from operator import methodcaller
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ..fmi.slave import DISCARD, ERROR, FATAL, OK, WARNING
 from .checks import FAILED, NOT_APPLICABLE, PASSED, REMARK, Outcome, check, none_of
 from .subject import REALS, InstanceUnderTest, Subject, length, swing
@@ -58,6 +60,38 @@ def _readable(subject: Subject) -> Outcome:
         unreadable = [v.name for v in read if one.attempt(one.get, v) > WARNING]
     good = f"All {len(read)} variables can be read after initialization."
     return none_of(unreadable, "Cannot be read after initialization", good)
+
+
+@check("stated parameters")
+def _stated(subject: Subject) -> Outcome:
+    given = {
+        v.name: (v, [0.999 * x or y for x, y in zip(swing(v, 0.0), swing(v, 1.0), strict=True)]) for v in subject.parameters
+    }
+    if not given:
+        return NOT_APPLICABLE, "It has no Real parameter."
+
+    def lost() -> list[str]:
+        return [name for name, (v, values) in given.items() if not np.allclose(one.get(v), values, rtol=1e-6, atol=0.0)]
+
+    def set_again() -> None:
+        overwritten.extend(lost())
+        for name in overwritten:
+            one.set(*given[name])
+
+    overwritten: list[str] = []
+    with subject.instance(initialize=False) as one:
+        for variable, values in given.values():
+            one.set(variable, values)
+        if one.attempt(one.initialize, set_again) > WARNING:
+            return (
+                NOT_APPLICABLE,
+                f"It does not start with parameters that differ a little from its own.{subject.log.tail()}",
+            )
+        law = "FMI: what a host sets before the initialization is the start value. Not kept"
+        if gone := lost():
+            return none_of(gone, f"{law}, not even set again in the initialization mode", "")
+    good = f"{len(given)} parameters set before the initialization hold after it."
+    return none_of(overwritten, f"{law} unless set again in the initialization mode", good, verdict=REMARK)
 
 
 @check("steps", runs=True)

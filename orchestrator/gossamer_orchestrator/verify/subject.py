@@ -145,13 +145,14 @@ class InstanceUnderTest:
         slave = subject.calls.make(start_slave, subject.description, subject.folder, "verified", subject.log, token=token)
         self.slave: Any = _Counted(slave, subject.calls)
 
-    def initialize(self) -> None:
-        """Go through the initialization with default start values."""
+    def initialize(self, inside: Callable[[], object] = lambda: None) -> None:
+        """Go through the initialization, with what is to be done inside it."""
         if self.subject.version == 2:
             self.slave.setupExperiment(startTime=self.subject.start)
             self.slave.enterInitializationMode()
         else:
             self.slave.enterInitializationMode(startTime=self.subject.start)
+        inside()
         self.slave.exitInitializationMode()
 
     def get(self, variable: Any) -> list[Any]:  # noqa: ANN401

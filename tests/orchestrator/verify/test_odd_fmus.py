@@ -7,34 +7,14 @@ import signal
 import sys
 import threading
 import time
-import zipfile
 from pathlib import Path
 
-import fmpy
 import pytest
-from gossamer_models.compiler import compile_shared
 from gossamer_orchestrator.verify import FAILED, PASSED, REMARK, verify
+from odd import build
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="its FMUs are written for Linux")
 
-XML = """<?xml version="1.0" encoding="UTF-8"?>
-<fmiModelDescription fmiVersion="2.0" modelName="odd" guid="{{odd}}" generationTool="hand">
-  <CoSimulation modelIdentifier="odd" canGetAndSetFMUstate="true" canSerializeFMUstate="true"/>
-  <UnitDefinitions><Unit name="m"><BaseUnit m="1"/></Unit></UnitDefinitions>
-  <DefaultExperiment startTime="0" {experiment}/>
-  <ModelVariables>
-    <ScalarVariable name="u" valueReference="0" causality="input"><Real unit="m" start="0"/></ScalarVariable>
-    <ScalarVariable name="y" valueReference="1" causality="output"><Real unit="m"/></ScalarVariable>
-    <ScalarVariable name="p" valueReference="2" causality="parameter" variability="fixed">
-      <Real unit="m" start="0"/>
-    </ScalarVariable>
-  </ModelVariables>
-  <ModelStructure>
-    <Outputs><Unknown index="2"/></Outputs>
-    <InitialUnknowns><Unknown index="2"/></InitialUnknowns>
-  </ModelStructure>
-</fmiModelDescription>
-"""
 # until it is fed a time that lies behind its end
 BRIEF = 'stopTime="0.5" stepSize="0.01"'
 
@@ -44,17 +24,8 @@ def odd(tmp_path):
     """Return a function that makes an FMU of some C statements and tells what ``verify`` finds, by check."""
     pytest.importorskip("ziglang")
 
-    def make(*only, load="", instantiation="", step="", experiment='stepSize="0.01"', limit=20.0):
-        here = Path(__file__).parent
-        header = f"#define AT_LOAD {load}\n#define AT_INSTANTIATION {instantiation}\n#define AT_STEP {step}\n"
-        header += f'#define PIDS "{tmp_path / "pids"}"\n'
-        sources = {"odd.c": (here / "odd.c").read_bytes(), "odd.h": header.encode()}
-        headers = Path(fmpy.__file__).parent / "c-code"
-        binary = compile_shared(sources, "odd.c", "odd.so", ["-I", str(headers)], "an odd FMU")
-        with zipfile.ZipFile(tmp_path / "odd.fmu", "w") as archive:
-            archive.writestr("modelDescription.xml", XML.format(experiment=experiment))
-            archive.writestr(f"binaries/{fmpy.platform}/odd.so", binary)
-        return {each.check: each for each in verify(tmp_path / "odd.fmu", only=only or None, limit=limit)}
+    def make(*only, limit=20.0, **how):
+        return {each.check: each for each in verify(build(tmp_path / "odd.fmu", **how), only=only or None, limit=limit)}
 
     return make
 
@@ -160,3 +131,14 @@ def test_verify_leaves_no_process_when_it_is_interrupted(odd, tmp_path, request)
     (worker,) = (int(line) for line in pids.read_text().split())
     assert worker != os.getpid()
     assert ended(worker)
+
+
+def test_parameters_that_are_overwritten_in_the_initialization_are_named_with_what_fmi_says(odd):
+    overwrites = "one->value[2] = 0.5;"
+    (kept, again, lost) = (odd("stated parameters", **how)["stated parameters"] for how in (
+        {}, {"entry": overwrites}, {"entry": overwrites, "exit": overwrites},
+    ))  # fmt: skip
+    assert (kept.verdict, kept.why) == (PASSED, "1 parameters set before the initialization hold after it.")
+    law = "FMI: what a host sets before the initialization is the start value. Not kept"
+    assert (again.verdict, again.why) == (REMARK, f"{law} unless set again in the initialization mode: p.")
+    assert (lost.verdict, lost.why) == (FAILED, f"{law}, not even set again in the initialization mode: p.")
