@@ -71,7 +71,8 @@ def _write_csv(data: xr.Dataset, path: Path) -> None:
     variables = variables_of(data)
     for base, variable in variables.items():
         unit = variable.attrs.get("units", "1")
-        labels = [data.variables[dim].to_numpy() for dim in variable.dims[1:]]
+        inner = dict(zip(variable.dims[1:], variable.shape[1:], strict=True))
+        labels = [data.variables[dim].to_numpy() if dim in data.variables else range(size) for dim, size in inner.items()]
         for place in np.ndindex(*variable.shape[1:]):
             indices = ",".join(str(labels[axis][i]) for axis, i in enumerate(place))
             names.append(f"{base}[{indices}] [{unit}]" if indices else f"{base} [{unit}]")
