@@ -1,5 +1,5 @@
 /* An FMU of FMI 2.0 that a test completes with C statements: AT_LOAD, AT_INSTANTIATION, AT_ENTRY and AT_EXIT of the
-   initialization, and AT_STEP, from odd.h; SAY logs a text.
+   initialization, AT_SETTING of Reals, and AT_STEP, from odd.h; SAY logs a text.
    note(pid) adds a line to the file PIDS. Its output y is the input u, its parameter p is fixed; a step sees `time` and `size` [s] and may return another status. */
 #define _DEFAULT_SOURCE
 #include <signal.h>
@@ -12,7 +12,7 @@
 #include "fmi2Functions.h"
 #include "odd.h"
 
-typedef struct { double value[3]; int over; const fmi2CallbackFunctions *host; } Instance; /* u, y, p */
+typedef struct { double value[3]; int over, begun; const fmi2CallbackFunctions *host; } Instance; /* u, y, p */
 #define SAY(text) one->host->logger(one->host->componentEnvironment, "odd", fmi2OK, "note", text)
 #define ONE Instance *one = c; (void)one
 
@@ -28,16 +28,16 @@ const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
 const char *fmi2GetVersion(void) { return fmi2Version; }
 fmi2Component fmi2Instantiate(fmi2String n, fmi2Type t, fmi2String guid, fmi2String f, const fmi2CallbackFunctions *b,
                               fmi2Boolean v, fmi2Boolean l) {
-  if (strcmp(guid, "{odd}")) return NULL;
   AT_INSTANTIATION;
+  if (strcmp(guid, "{odd}")) return NULL;
   Instance *one = calloc(1, sizeof(Instance));
   one->host = b;
   return one;
 }
 void fmi2FreeInstance(fmi2Component c) { free(c); }
-fmi2Status fmi2Reset(fmi2Component c) { ONE; memset(one->value, 0, sizeof one->value); one->over = 0; return fmi2OK; }
-fmi2Status fmi2EnterInitializationMode(fmi2Component c) { ONE; AT_ENTRY; return fmi2OK; }
-fmi2Status fmi2ExitInitializationMode(fmi2Component c) { ONE; AT_EXIT; return fmi2OK; }
+fmi2Status fmi2Reset(fmi2Component c) { ONE; memset(one->value, 0, sizeof one->value); one->over = one->begun = 0; return fmi2OK; }
+fmi2Status fmi2EnterInitializationMode(fmi2Component c) { ONE; one->begun = 1; AT_ENTRY; return fmi2OK; }
+fmi2Status fmi2ExitInitializationMode(fmi2Component c) { ONE; one->begun = 2; AT_EXIT; return fmi2OK; }
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real size, fmi2Boolean b) {
   ONE;
   if (one->over) return fmi2Error;
@@ -57,6 +57,7 @@ fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference r[], size_t n, 
 }
 fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference r[], size_t n, const fmi2Real v[]) {
   ONE;
+  AT_SETTING;
   for (size_t i = 0; i < n; i++) one->value[r[i]] = v[i];
   return fmi2OK;
 }

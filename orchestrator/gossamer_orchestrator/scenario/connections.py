@@ -104,11 +104,7 @@ def _check_ends(draft: Draft, i: int, connection: Connection, fed: dict[str, int
     kinds = f"{connection.origin!r} is of type {sent} and {connection.target!r} of type {received}"
     numbers = {sent, received} <= set(NUMBERS)
     if not holds(received, sent) and not (numbers and connection.gain is not None):
-        advice = (
-            "State a 'gain' if values are to be rounded"
-            if {sent, received} <= set(NUMBERS)
-            else "Connect variables of one type"
-        )
+        advice = "State a 'gain' if values are to be rounded" if numbers else "Connect variables of one type"
         problems.add(("connections", i, "to"), f"{kinds}, which does not hold all its values. {advice}.")
         return False
     if sent != received:

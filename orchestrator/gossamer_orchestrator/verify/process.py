@@ -71,8 +71,8 @@ def verify(path: Path, *, only: Collection[str] | None = None, limit: float = LI
             found, more = _run_process(path.resolve(), Path(scratch), limit, names)
             findings, left = findings + found, left + more
             last, names = findings[-1], names[names.index(findings[-1].check) + 1 :]
-            if last.verdict == FAILED and CHECKS[last.check].gate:
-                why = f"The check {last.check!r} failed."
+            if last.verdict in (FAILED, NOT_APPLICABLE) and CHECKS[last.check].gate:
+                why = f"The check {last.check!r} {'failed' if last.verdict == FAILED else 'is not applicable'}."
                 findings += [Finding(name, NOT_APPLICABLE, why) for name in names]
                 break
     if left:
@@ -101,7 +101,10 @@ def _run_process(path: Path, scratch: Path, limit: float, names: list[str]) -> t
     elif code or not findings:
         death = f"The FMU ended its process with exit code {code:#x}."
     if death is not None and len(findings) < len(names):
-        findings.append(Finding(names[len(findings)], verdict, death))
+        check = CHECKS[names[len(findings)]]
+        if check.misuse:
+            death = f"The host breaks a rule of FMI here. {death}"
+        findings.append(Finding(names[len(findings)], check.bad if verdict == FAILED else verdict, death))
     return findings, left
 
 
@@ -136,6 +139,6 @@ def make_checks(path: str, scratch: str, *names: str) -> None:
         with Path(scratch, "report").open("a", encoding="utf-8") as report:  # nothing is open while the FMU is called
             report.write(json.dumps([verdict, why]) + "\n")
         log.messages.clear()
-        if (verdict == FAILED and CHECKS[name].gate) or subject().fatal:
+        if (verdict in (FAILED, NOT_APPLICABLE) and CHECKS[name].gate) or subject().fatal:
             break
     os._exit(0)  # an FMU's library may crash at the end of a process, which is none of the checks

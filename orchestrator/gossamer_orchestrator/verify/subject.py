@@ -25,6 +25,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 REALS = ("Real", "Float64", "Float32")
 STEPS = 100
+Trajectory = list[list[Any]]  # outputs after each step
 
 
 class Calls:
@@ -203,19 +204,19 @@ class InstanceUnderTest:
         self.ended = False
         self.initialize()
 
-    def excite(self, begin: int, end: int, phase: float = 0.0) -> list[str]:
-        """Do steps with inputs that swing by 1 % about their start values; return the outputs after each, to the bit.
+    def excite(self, begin: int, end: int, phase: float = 0.0) -> Trajectory:
+        """Do steps with inputs that swing by 1 % about their start values; return the outputs after each.
 
         It ends early if the FMU ends the simulation.
         """
-        trajectory: list[str] = []
+        trajectory: Trajectory = []
         for k in range(begin, end):
             if self.ended:
                 break
             for i, variable in enumerate(self.subject.inputs):
                 self.set(variable, swing(variable, math.sin(0.3 * k + i + phase)))
             self.step(k)
-            trajectory.append(repr(self.read(self.subject.outputs)))
+            trajectory.append(self.read(self.subject.outputs))
         return trajectory
 
     def save(self, over: ctypes.c_void_p | None = None) -> ctypes.c_void_p:

@@ -7,10 +7,11 @@ import signal
 import sys
 import threading
 import time
+import zipfile
 from pathlib import Path
 
 import pytest
-from gossamer_orchestrator.verify import FAILED, PASSED, REMARK, verify
+from gossamer_orchestrator.verify import FAILED, NOT_APPLICABLE, PASSED, REMARK, verify
 from odd import build
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="its FMUs are written for Linux")
@@ -142,3 +143,38 @@ def test_parameters_that_are_overwritten_in_the_initialization_are_named_with_wh
     law = "FMI: what a host sets before the initialization is the start value. Not kept"
     assert (again.verdict, again.why) == (REMARK, f"{law} unless set again in the initialization mode: p.")
     assert (lost.verdict, lost.why) == (FAILED, f"{law}, not even set again in the initialization mode: p.")
+
+
+@pytest.mark.parametrize(("check", "how"), [
+    ("wrong state", {"step": "if (!one->begun) abort();"}),
+    ("fixed parameter", {"setting": "if (one->begun == 2 && r[0] == 2) abort();"}),
+    ("wrong token", {"instantiation": 'if (strcmp(guid, "{odd}")) abort();'}),
+])  # fmt: skip
+def test_a_crash_where_the_host_breaks_the_rules_is_a_remark(odd, check, how):
+    findings = odd(check, **how)
+    assert failures(findings) == []
+    assert findings[check].verdict == REMARK
+    assert findings[check].why == "The host breaks a rule of FMI here. The FMU crashed its process: SIGABRT."
+
+
+def test_a_message_without_text_is_a_remark(odd):
+    findings = odd("log messages", step='SAY("");')
+    assert (findings["log messages"].verdict, findings["log messages"].why) == (REMARK, "It logs messages without text.")
+
+
+def test_outputs_that_differ_are_named_with_how_much(odd):
+    """The input swings about 0 by 0.01, so an output that is counted up by 1e-6 of all steps differs by 1e-4 of its size."""
+    counts = "static double n; one->value[0] = 1.0 + 1e-6 * n++;"
+    findings = odd("reset", step=counts, experiment='stopTime="1" stepSize="0.01"')
+    why = "After a reset, the outputs differ from step 0 on, y first: 1.0 and 1.0001, by up to 0.0001, 1.0e-04 of its size."
+    assert (findings["reset"].verdict, findings["reset"].why) == (FAILED, why)
+
+
+def test_fmi_1_is_not_applicable(tmp_path):
+    counts = 'numberOfContinuousStates="0" numberOfEventIndicators="0"'
+    xml = f'<fmiModelDescription fmiVersion="1.0" modelName="old" modelIdentifier="old" guid="x" {counts}><ModelVariables/>'
+    with zipfile.ZipFile(tmp_path / "old.fmu", "w") as archive:
+        archive.writestr("modelDescription.xml", f"{xml}</fmiModelDescription>")
+    findings = verify(tmp_path / "old.fmu")
+    assert {each.verdict for each in findings[1:]} == {NOT_APPLICABLE}
+    assert findings[1].why == "It is FMI 1.0; only FMI 2.0 and 3.0 for co-simulation and model exchange are checked."
