@@ -25,7 +25,7 @@ from functools import cache
 from pathlib import Path
 
 from ..errors import FmuError
-from ..fmi.archive import unpack
+from ..fmi.archive import has_backslashes, unpack
 from ..fmi.slave import Log
 from ..processes import end_all, shared_memory, signal_name, start
 from . import behaviour_checks  # noqa: F401 (registers its checks)
@@ -65,6 +65,8 @@ def verify(path: Path, *, only: Collection[str] | None = None, limit: float = LI
             return [Finding("archive", FAILED, str(error))]
         files = sum(p.is_file() for p in folder.rglob("*"))
         findings = [Finding("archive", PASSED, f"{files} files, none damaged or misplaced.")]
+        if has_backslashes(path):
+            findings = [Finding("archive", REMARK, f"{files} files; their names have '\\' where ZIP has '/'.")]
         names = [name for name, check in CHECKS.items() if check.gate or only is None or name in only]
         left = 0
         while names:
