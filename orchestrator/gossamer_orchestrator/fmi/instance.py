@@ -44,6 +44,8 @@ class Instance:
         Time [s] at which the FMU itself ended the simulation.
     on_end : callable
         Called with this instance when that happens.
+    restored : int
+        How often its state was restored.
 
     Raises
     ------
@@ -64,6 +66,7 @@ class Instance:
         self._states = (ctypes.c_void_p(), ctypes.c_void_p())
         self.ended_at: float | None = None
         self.on_end: Callable[[Instance], object] = lambda _: None
+        self.restored = 0
         self._initialized = False
         self._next_event = math.inf  # [s]
         self._reached = time  # [s]
@@ -251,6 +254,7 @@ class Instance:
         """Restore the state saved in a slot, with the inputs of then."""
         self._check(self._set_state(self._component, self._states[slot]), "did not restore its saved state")
         self.ended_at = None
+        self.restored += 1
         self._written.clear()
 
     def serialize(self) -> bytes:

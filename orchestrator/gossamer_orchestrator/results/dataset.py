@@ -244,6 +244,12 @@ def arrange(time: NDArray[np.float64], table: NDArray[np.float64], columns: Iter
     return xr.Dataset(variables, coords=coordinates)
 
 
+def effort_of(data: xr.Dataset) -> dict[str, dict[str, float]]:
+    """Return what each component took of a run: ``seconds``, measured by samples, steps ``refused``, states ``restored``."""
+    found: dict[str, dict[str, float]] = json.loads(data.attrs.get("effort") or "{}")
+    return found
+
+
 def variables_of(data: xr.Dataset) -> dict[str, xr.Variable]:
     """Return the recorded variables by name: ``data[name]`` takes longer the more of them there are."""
     return {str(name): data.variables[name] for name in data.data_vars}

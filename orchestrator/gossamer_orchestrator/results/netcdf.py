@@ -14,6 +14,7 @@ References
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import struct
@@ -66,7 +67,8 @@ def make_file(columns: Sequence[RecordedScalar], attributes: Mapping[str, Any]) 
     SciPy's writer takes a time that grows with the square of the number of variables.
     """
     variables, labels = group(columns)
-    ending = {"ended": UNFINISHED.ljust(_ROOM, "\0"), "wall_time": 0.0, "divided_steps": 0}
+    room = 6 * len("".join(names := json.loads(attributes.get("fmus", "{}")))) + 100 * len(names)
+    ending = {"ended": UNFINISHED.ljust(_ROOM, "\0"), "effort": "\0" * room, "wall_time": 0.0, "divided_steps": 0}
     dims = ["time", *labels]
     header = b"CDF\2" + _integer(0) + _list(_DIMENSION, [_name("time") + _integer(0), *(
         _name(dim) + _integer(len(labels[dim])) for dim in labels
@@ -214,11 +216,18 @@ class GrowingFile:
             file.seek(self.layout.begin + (self.count - 1) * self.layout.record)
             return float(struct.unpack(">d", file.read(8))[0])
 
-    def end(self, ended: str, wall_time: float, divided_steps: int) -> None:
-        """Write how the run ended, and make sure that everything is on the disk."""
-        text = ended.encode()[:_ROOM].decode(errors="ignore").encode()
-        contents = (text.ljust(_ROOM, b"\0"), struct.pack(">d", wall_time), struct.pack(">i", divided_steps))
-        self._write(dict(zip(self.layout.places.values(), contents, strict=True)), sync=True)
+    def end(self, ended: str, wall_time: float, divided_steps: int, effort: Mapping[str, Any] | None = None) -> None:
+        """Write how the run ended and what its components took, and make sure that everything is on the disk."""
+        text, spent = ended.encode()[:_ROOM].decode(errors="ignore").encode(), json.dumps(effort or {}).encode()
+        places = self.layout.places
+        room = places["wall_time"] - places["effort"] - len(_name("wall_time")) - 8
+        contents = {
+            places["ended"]: text.ljust(_ROOM, b"\0"),
+            places["effort"]: (spent if len(spent) <= room else b"").ljust(room, b"\0"),
+            places["wall_time"]: struct.pack(">d", wall_time),
+            places["divided_steps"]: struct.pack(">i", divided_steps),
+        }
+        self._write(contents, sync=True)
 
     @contextmanager
     def _opened(self) -> Iterator[FileIO]:

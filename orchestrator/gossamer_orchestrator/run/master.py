@@ -232,7 +232,9 @@ class Simulation:
             if self.ended_by:  # by an input that has arrived
                 return self.members[position[COMPONENT]]
             if not stage.advance(time, length, full=full):
-                return self.members[position[COMPONENT]]
+                member = self.members[position[COMPONENT]]
+                member.refused += not self.ended_by
+                return member
         return None
 
     def is_recorded(self, tick: int) -> bool:

@@ -153,11 +153,14 @@ class Member:
     ----------
     every : int
         It steps at every n-th communication point.
+    refused : int
+        Steps, whole or parts, that its FMU has refused.
     """
 
     def __init__(self, plan: ComponentPlan, instance: Instance, store: Store, number: int, position: Position) -> None:
         self.name, self.number, self.every = plan.name, number, plan.every
         self.instance, self._store, self._position = instance, store, position
+        self.refused = 0
         reals = {sent: names for kind, sent, names in plan.ports if kind == "Real"}
         sent, recorded = reals.get(True, []), reals.get(False, [])
         begin = store.places[plan.name, plan.read[0]] if plan.read else 0

@@ -16,7 +16,7 @@ from gossamer_files.charts import Chart, section
 from ...errors import ResultsError, require
 from ...pages import PAGE, Page, folded, on_page, table, write_page, written
 from ...words import counted, recorded
-from ..dataset import find_all, variables_of
+from ..dataset import effort_of, find_all, variables_of
 from ..files import MESSAGES
 from ..judgements import Judgement, window_table
 from ..readers import Recorded, over_time
@@ -178,8 +178,13 @@ def _components(data: xr.Dataset) -> str:
     fmus = json.loads(data.attrs.get("fmus", "{}"))
     if not fmus:
         return "<p>The results do not say which FMUs made them.</p>"
-    rows = [(name, each.get("file", ""), each.get("model", "")) for name, each in fmus.items()]
-    parts = [table(("component", "file", "model"), rows, "Components")]
+    effort = effort_of(data)
+    rows = [
+        (name, each.get("file", ""), each.get("model", ""), *(f"{value:g}" for value in effort.get(name, {}).values()))
+        for name, each in fmus.items()
+    ]
+    more = ("time [s]", "steps refused", "states restored") if effort else ()
+    parts = [table(("component", "file", "model", *more), rows, "Components")]
     for name, each in fmus.items():
         start, values, units = (each.get(what, {}) for what in ("start", "parameters", "units"))
         lines = [(v, f"{x:.9g}", units.get(v, ""), "scenario" if v in start else "FMU") for v, x in values.items()]
