@@ -322,6 +322,19 @@ def check_groups(draft: Draft, connections: Iterable[Connection]) -> None:
             problems.add(place, "the group's components are not connected to each other. Remove the group.")
 
 
+def warn_of_coupled_exchange(draft: Draft, connections: Iterable[Connection]) -> None:
+    """Say that FMUs for model exchange which feed each other are integrated one by one, so to first order in the step."""
+    exchange = {name for name, file in draft.files.items() if file.model_exchange}
+    inside = [c for c in connections if {c.sender, c.receiver} <= exchange and c.sender != c.receiver]
+    if coupled := list(dict.fromkeys(name for c in inside for name in (c.sender, c.receiver))):
+        logger.warning(
+            "%s: %s are for model exchange and connected: each is integrated by itself, with inputs held over a step, so "
+            "results are of first order in 'step'. Halve it to see what that changes, or export them as one FMU",
+            draft.scenario.source.where(("step",)),
+            ", ".join(coupled),
+        )
+
+
 def check_steps(draft: Draft) -> None:
     """Report steps of components that do not fit the run, and FMUs that the step control cannot take back."""
     scenario, files, problems = draft.scenario, draft.files, draft.problems
