@@ -28,7 +28,7 @@ from ..errors import FmuError
 from ..fmi.archive import has_backslashes, unpack
 from ..fmi.slave import Log
 from ..processes import end_all, shared_memory, signal_name, start
-from . import behaviour_checks  # noqa: F401 (registers its checks)
+from . import behaviour_checks, reference_check  # noqa: F401 (they register their checks)
 from .checks import CHECKS, FAILED, NOT_APPLICABLE, PASSED, REMARK, Finding
 from .subject import Calls, Subject
 

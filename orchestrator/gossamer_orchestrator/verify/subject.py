@@ -179,9 +179,13 @@ class InstanceUnderTest:
 
     def step(self, k: int) -> None:
         """Do the k-th step, which may end the simulation."""
+        self.advance(self.subject.start + k * self.subject.size, self.subject.size)
+
+    def advance(self, time: float, size: float) -> None:
+        """Do a step from a time [s], which may end the simulation."""
         subject = self.subject
         try:
-            flags = self.slave.doStep(subject.start + k * subject.size, subject.size, False)
+            flags = self.slave.doStep(time, size, False)
         except FMICallException as error:
             if error.status != DISCARD or subject.version != 2 or not self._has_terminated():
                 raise

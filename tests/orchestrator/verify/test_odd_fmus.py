@@ -178,3 +178,31 @@ def test_fmi_1_is_not_applicable(tmp_path):
     findings = verify(tmp_path / "old.fmu")
     assert {each.verdict for each in findings[1:]} == {NOT_APPLICABLE}
     assert findings[1].why == "It is FMI 1.0; only FMI 2.0 and 3.0 for co-simulation and model exchange are checked."
+
+
+MANIFESTS = {
+    "1.0.0-rc.1": """<fmiReferences><Experiment name="ramp" startTime="0.0" stopTime="1.0" stepSize="0.25"><Parameters
+        source="p.ssv"/><Stimuli source="in.csv"/><References source="results/ref.csv"/></Experiment></fmiReferences>""",
+    "1.0.0-alpha.1": """<fmiReferences><Related role="experiment/smoke-test" source="e.xml"/></fmiReferences>""",
+}
+EXPERIMENTS = """<Experiments><Experiment name="ramp" startTime="0.0" stepSize="0.25"><Stimuli source="in.csv"/>
+    <References source="results/ref.csv"/></Experiment></Experiments>"""
+SSV = '<ParameterSet><Parameters><Parameter name="p"><Real value="0.5"/></Parameter></Parameters></ParameterSet>'
+
+
+@pytest.mark.parametrize("version", MANIFESTS)
+def test_an_fmu_is_compared_with_the_results_that_it_carries(tmp_path, version):
+    """Its output is its input where the step began: 2 t one step late."""
+    path, verdicts = build(tmp_path / "odd.fmu"), []
+    for last in (1.5, 1.6):
+        rows = "".join(f"{0.25 * k},{y}\n" for k, y in enumerate([0.0, 0.0, 0.5, 1.0, last]))
+        with zipfile.ZipFile(path) as old, zipfile.ZipFile(tmp_path / "new.fmu", "w") as new:
+            for name in old.namelist():
+                new.writestr(name, old.read(name))
+            files = {"fmi-ls-manifest.xml": MANIFESTS[version], "e.xml": EXPERIMENTS, "in.csv": "time,u\n0,0\n1,2\n"}
+            for name, text in (files | {"results/ref.csv": f"time,y\n{rows}", "p.ssv": SSV}).items():
+                new.writestr(f"extra/org.fmi-standard.fmi-ls-ref/{name}", text)
+        (finding,) = (each for each in verify(tmp_path / "new.fmu", only=["reference results"]) if "reference" in each.check)
+        verdicts.append((finding.verdict, finding.why))
+    good = "ramp: it gives its own results, within 0.0e+00 of the largest."
+    assert verdicts == [(PASSED, good), (FAILED, "ramp: y is 1.5 at t = 1 s, and 1.6 in its results.")]
