@@ -75,14 +75,20 @@ def _inside(source: str | None, base: Path, folder: Path) -> Path | None:
     return path if path.is_relative_to(folder.resolve()) and path.is_file() else None
 
 
-def _table(path: Path, subject: Subject) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
-    """Return times and the columns of scalar Reals of a CSV file."""
+Columns = dict[str, NDArray[np.float64]]
+
+
+def _table(path: Path, subject: Subject) -> tuple[NDArray[np.float64], Columns]:
+    """Return times, and the columns of Reals by name, of shape (rows, elements): those of an array share a cell."""
     with path.open(newline="", encoding="utf-8-sig") as file:
-        header, *rows = list(csv.reader(file))
-    scalar = {v.name for v in subject.variables if v.type in REALS and not v.dimensions}
-    columns = [[row[i] for row in rows if row] for i in range(len(header))]
-    time = np.array(columns[0], dtype=float)
-    return time, {n.strip(): np.array(c, dtype=float) for n, c in zip(header, columns, strict=True) if n.strip() in scalar}
+        header, *rows = [row for row in csv.reader(file) if row]
+    reals = {v.name for v in subject.variables if v.type in REALS}
+    columns = {
+        name.strip(): np.array([row[i].split() for row in rows], dtype=float)
+        for i, name in enumerate(header)
+        if i == 0 or name.strip() in reals
+    }
+    return columns.pop(header[0].strip())[:, 0], columns
 
 
 @check("reference results", runs=True)
@@ -101,7 +107,7 @@ def _references(subject: Subject) -> Outcome:
 def _worst(subject: Subject, experiment: Experiment) -> tuple[float, str]:
     """Run an experiment; return the largest difference over the largest value of its column, and where it is."""
     time, expected = _table(experiment.results, subject)
-    begin, stimuli = (time[:0], {}) if experiment.stimuli is None else _table(experiment.stimuli, subject)
+    begin, stimuli = (time[:0], Columns()) if experiment.stimuli is None else _table(experiment.stimuli, subject)
     by_name = {v.name: v for v in subject.variables}
     start = time[0] if experiment.start is None else experiment.start
     size = experiment.size or float(getattr(subject.description.defaultExperiment, "stepSize", None) or np.diff(time).min())
@@ -111,9 +117,9 @@ def _worst(subject: Subject, experiment: Experiment) -> tuple[float, str]:
         for name, values in stimuli.items():
             held = by_name[name].variability == "discrete"
             row = max(int(np.searchsorted(begin, at + 1e-9 * size, side="right")) - 1, 0)
-            one.set(by_name[name], [float(values[row] if held else np.interp(at, begin, values))])
+            one.set(by_name[name], [float(x[row] if held else np.interp(at, begin, x)) for x in values.T])
 
-    found: dict[str, list[float]] = {name: [] for name in expected}
+    found: dict[str, list[list[float]]] = {name: [] for name in expected}
     times = []
     with subject.instance(initialize=False) as one:
         for name, value in _parameters(experiment.parameters):
@@ -126,24 +132,20 @@ def _worst(subject: Subject, experiment: Experiment) -> tuple[float, str]:
                 one.advance(float(start + (k - 1) * size), size)
             times.append(start + k * size)
             for name, values in found.items():
-                values += one.get(by_name[name])
+                values.append(one.get(by_name[name]))
             if one.ended:
                 break
     worst, text = 0.0, ""
-    shared = [
-        (i, k)
-        for i, t in enumerate(time)
-        if (k := round((t - start) / size)) < len(times) and abs(times[k] - t) < 1e-6 * size
-    ]
-    for name, values in expected.items():
-        a, b = np.array([(values[i], found[name][k]) for i, k in shared]).T
-        errors = abs(a - b) / (np.abs(values).max() or 1.0)
-        if not errors.max() <= worst:
+    places = [(i, round((t - start) / size)) for i, t in enumerate(time)]
+    shared = [(i, k) for i, k in places if k < len(times) and abs(times[k] - time[i]) < 1e-6 * size]
+    for name, wanted in expected.items():
+        a, b = np.array([wanted[i] for i, _ in shared]), np.array([found[name][k] for _, k in shared])
+        errors = (abs(a - b) / (np.abs(wanted).max(initial=0.0) or 1.0)).max(axis=1, initial=0.0)
+        if not errors.max(initial=0.0) <= worst:
             i = int(np.argmax(np.where(np.isnan(errors), np.inf, errors)))
-            worst = float(errors[i])
-            text = (
-                f"{experiment.name}: {name} is {b[i]:.9g} at t = {time[shared[i][0]]:.9g} s, and {a[i]:.9g} in its results."
-            )
+            worst, at = float(errors[i]), f"t = {time[shared[i][0]]:.9g} s"
+            got, should = (" ".join(f"{x:.9g}" for x in row) for row in (b[i], a[i]))
+            text = f"{experiment.name}: {name} is {got} at {at}, and {should} in its results."
     return worst, text
 
 
