@@ -4,6 +4,7 @@ Both kinds hold::
 
     modelDescription.xml                     see ``description``
     documentation/                           see ``page``
+    extra/org.fmi-standard.fmi-ls-ref/       see ``reference``
 
 A native FMU also holds its C code and the compiled binaries::
 
@@ -49,6 +50,7 @@ from .catalogue import NAMES, ModelOptions, make_model, package_folder
 from .compiler import choose_platforms, compile_library
 from .description import FmiVersion, build_description, model_description
 from .page import documents
+from .reference import references
 
 _NAMESPACE = uuid.UUID("6f2ad6c2-5a57-5d3c-9c1d-2f4a3c1f6d10")
 _HEAD = 8 + 16 + 4  # of a state: magic, digest and checksum [byte], in both kinds
@@ -173,7 +175,7 @@ def build_models(
         members["modelDescription.xml"] = model_description(model, guid, fmi=fmi, native=native)
         if fmi == 3:
             members["sources/buildDescription.xml"] = build_description(model)
-        fmus[name] = members
+        fmus[name] = members | references(model, fmi)
 
     def compile_one(job: tuple[str, str]) -> None:
         platform, name = job

@@ -69,6 +69,11 @@ class Array:
         return re.sub(r"[^\w)]+$", "", common[: common.rfind(" ")]) + " .."
 
 
+def scalars_of(model: StepModel) -> list[Array]:
+    """Return each variable of a model by itself, as FMI 2.0 has them."""
+    return [Array(name=v.name, first=i, members=(v,), shape=()) for i, v in enumerate(model.variables)]
+
+
 def arrays_of(model: StepModel) -> list[Array]:
     """Return the arrays and scalars of a model in table order.
 
@@ -118,7 +123,7 @@ def model_description(model: StepModel, guid: str, *, fmi: FmiVersion = 2, nativ
         UTF-8 XML.
     """
     if fmi == 2:
-        arrays = [Array(name=v.name, first=i, members=(v,), shape=()) for i, v in enumerate(model.variables)]
+        arrays = scalars_of(model)
         root = _root(model, native=native, fmiVersion="2.0", guid=guid, numberOfEventIndicators="0")
     else:
         arrays = arrays_of(model)

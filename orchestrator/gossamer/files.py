@@ -14,7 +14,7 @@ from gossamer_files.options import option
 from gossamer_orchestrator.errors import ResultsError, ScenarioError
 from gossamer_orchestrator.scenario.source import INSPECTION, find_scenario, shipped_scenarios, write_new
 
-from .arguments import AnyPath, File, FmiVersion, Folder, Form, command
+from .arguments import AnyPath, File, FmiVersion, Folder, Form, NamesWithCommas, command, names_of
 from .working import kinds_of, say
 
 if TYPE_CHECKING:
@@ -259,11 +259,13 @@ def export_vtk(results: AnyPath, *, out: Folder | None = None) -> list[Path]:
 
 
 @command
-def export_ssp(scenario: AnyPath, *, out: File | None = None, fmus: Folder = "out/fmus") -> Path:
+def export_ssp(
+    scenario: AnyPath, *, out: File | None = None, fmus: Folder = "out/fmus", without: NamesWithCommas = "none"
+) -> Path:
     """Write a scenario and its FMUs as one .ssp for other tools.
 
     System Structure and Parameterization is the standard in which co-simulation tools exchange connected FMUs. Events, noise
-    and dropout are refused, because SSP cannot express them.
+    and dropout are refused, because SSP cannot express them, unless they are left behind.
 
     Parameters
     ----------
@@ -273,6 +275,8 @@ def export_ssp(scenario: AnyPath, *, out: File | None = None, fmus: Folder = "ou
         File to write; out/NAME.ssp by default.
     fmus
         Folder of the FMUs that scenarios name.
+    without
+        What of the scenario stays behind: noise, dropout, events, with commas. A warning names it.
 
     Returns
     -------
@@ -291,15 +295,23 @@ def export_ssp(scenario: AnyPath, *, out: File | None = None, fmus: Folder = "ou
     """
     from gossamer_orchestrator.exchange.ssp_writer import export_ssp as write
 
-    return _write(write, scenario, fmus, out, ".ssp")
+    return _write(write, scenario, fmus, out, ".ssp", names_of(without))
 
 
 @command
-def container(scenario: AnyPath, *, out: File | None = None, fmus: Folder = "out/fmus", fmi: FmiVersion = 2) -> Path:
+def container(
+    scenario: AnyPath,
+    *,
+    out: File | None = None,
+    fmus: Folder = "out/fmus",
+    fmi: FmiVersion = 2,
+    without: NamesWithCommas = "none",
+) -> Path:
     """Merge a scenario and its FMUs into one FMU.
 
     Its inputs are those that the scenario gives a value. Its outputs are those that no component receives and those that are
-    recorded. All are named component.variable. Events, gain, bias, noise and dropout are refused.
+    recorded. All are named component.variable. Events, gain, bias, noise and dropout are refused, unless
+    they are left behind.
 
     Parameters
     ----------
@@ -311,6 +323,8 @@ def container(scenario: AnyPath, *, out: File | None = None, fmus: Folder = "out
         Folder of the FMUs that scenarios name.
     fmi
         FMI version of the container, 2 or 3.
+    without
+        What of the scenario stays behind: noise, dropout, events, with commas. A warning names it.
 
     Returns
     -------
@@ -329,14 +343,20 @@ def container(scenario: AnyPath, *, out: File | None = None, fmus: Folder = "out
     """
     from gossamer_orchestrator.exchange.container import build_container
 
-    return _write(partial(build_container, fmi=fmi), scenario, fmus, out, ".fmu")
+    return _write(partial(build_container, fmi=fmi), scenario, fmus, out, ".fmu", names_of(without))
 
 
 def _write(
-    write: Callable[[Scenario, Path, Path], Path], text: AnyPath, fmus: AnyPath, out: AnyPath | None, ending: str
+    write: Callable[[Scenario, Path, Path], Path],
+    text: AnyPath,
+    fmus: AnyPath,
+    out: AnyPath | None,
+    ending: str,
+    without: tuple[str, ...],
 ) -> Path:
     """Write a scenario, which is not overwritten, as another kind of file; return its path, and say what it holds."""
     from gossamer_orchestrator.exchange import open_scenario
+    from gossamer_orchestrator.exchange.ssp_writer import LEFT, leave_behind
 
     path = find_scenario(str(text))
     target = Path("out") / f"{path.stem}{ending}" if out is None else Path(out)
@@ -344,7 +364,12 @@ def _write(
         packed = [opened.fmu_path(component, Path(fmus)) for component in opened.components]
         keep(*packed)
         check_outputs([target])
-        written = write(opened, Path(fmus), target)
+        try:
+            written = write(leave_behind(opened, without), Path(fmus), target)
+        except ScenarioError as error:
+            if left := ",".join(kind for kind in LEFT if f" has no {kind}" in str(error)):
+                error.add_note(f"{option('without', left)} writes the rest.")
+            raise
         say(f"packed: {kinds_of(packed)}")
     return written
 

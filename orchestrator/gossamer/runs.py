@@ -134,7 +134,9 @@ class Run(Result):
         return [*history, *map(zone_table, [each for each in self.judgements if each.valid][-1:])]
 
     def to_json(self) -> dict[str, Any]:
-        """Return what was judged."""
+        """Return what was judged, and what the run took."""
+        from gossamer_orchestrator.results.dataset import effort_of
+
         judgements = []
         for each in self.judgements:
             told = {"time_s": each.time, "valid": each.valid, "damage": each.estimated, "deviation": each.deviation}
@@ -145,6 +147,7 @@ class Run(Result):
             "ended": self.data.attrs["ended"],
             "stop_s": float(self.data["time"][-1]),
             "wall_time_s": float(self.data.attrs["wall_time"]),
+            "components": effort_of(self.data),
             "files": self.files,
             "valid": self.valid,
             "judgements": judgements,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import math
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn
@@ -72,6 +73,7 @@ class SspFiles:
             resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True, remove_pis=True
         )
         try:
+            self._declare_prefixes(path)
             tree = etree.parse(path, parser)
         except (OSError, etree.XMLSyntaxError) as error:
             self.refuse(f"{path.name} is not XML: {error}", "Write the archive again")
@@ -83,6 +85,20 @@ class SspFiles:
         if (found := etree.QName(tree.getroot()).localname) != wanted:
             self.refuse(f"{path.name} is a {found!r}, not a {wanted!r}", "Correct it by SSP's schema")
         return tree.getroot()
+
+    def _declare_prefixes(self, path: Path) -> None:
+        """Declare the prefixes that an unpacked XML file uses and does not declare, as in widely copied examples."""
+        parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, recover=True)
+        root = etree.parse(path, parser).getroot()
+        found = [re.match(r"Namespace prefix (\S+) .* not defined", entry.message) for entry in parser.error_log]
+        prefixes = list(dict.fromkeys(each[1] for each in found if each))
+        if root is not None and prefixes:
+            known = {**ModelicaStandard.namespaces, "xsi": "http://www.w3.org/2001/XMLSchema-instance"}
+            more = "".join(f' xmlns:{each}="{known.get(each, f"urn:{each}")}"' for each in prefixes)
+            begin = "<" + ":".join(filter(None, [root.prefix, root.tag.rpartition("}")[2]]))
+            path.write_bytes(path.read_bytes().replace(begin.encode(), (begin + more).encode(), 1))
+            text = "%s: %s does not declare the prefixes %s; they are taken as those of SSP"
+            logger.warning(text, self.name, path.name, ", ".join(prefixes))
 
     def refuse_unread(self, error: Exception) -> NoReturn:
         """Refuse what the reader of the archive tripped over, by the file that departs from its schema."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import logging
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,7 @@ from pyssp_standard.transformation_types import Transformation
 from pyssp_standard.unit import BaseUnit, Unit
 from pyssp_standard.utils import register_namespaces
 
-from ..errors import writing
+from ..errors import ScenarioError, require, writing
 from ..fmi.archive import check_target
 from ..fmi.file import FmuFile
 from ..fmi.types import scale
@@ -220,6 +220,31 @@ def inexpressible(scenario: Scenario, what: str, keys: Mapping[str, float | None
             if getattr(connection, key) not in (None, neutral):
                 problems.add(("connections", i, key), f"{what} has no {key} in its connections. Remove it.")
     return problems
+
+
+_MOST_NAMED = 4
+LEFT = ("noise", "dropout", "events")
+
+
+def leave_behind(scenario: Scenario, kinds: Collection[str]) -> Scenario:
+    """Return a scenario without its noise, dropout or events, those that are named; a warning says what stays behind.
+
+    Raises
+    ------
+    ScenarioError
+        Something else is named.
+    """
+    for kind in kinds:
+        require(kind in LEFT, f"{kind!r} cannot be left behind. Name some of {', '.join(LEFT)}.", ScenarioError)
+    left = [f"{kind} of {c.origin} -> {c.target}" for c in scenario.connections for kind in kinds if getattr(c, kind, None)]
+    left += [f"event at {event.time:g} s" for event in scenario.events if "events" in kinds]
+    if not left:
+        return scenario
+    more = f" and {len(left) - _MOST_NAMED} more" if len(left) > _MOST_NAMED else ""
+    logger.warning("%s: this stays behind: %s%s", scenario.source.name, ", ".join(left[:_MOST_NAMED]), more)
+    gone = dict.fromkeys(set(kinds) - {"events"})
+    kept = [c.model_copy(update=gone) for c in scenario.connections]
+    return scenario.model_copy(update={"connections": kept, "events": [] if "events" in kinds else scenario.events})
 
 
 def declare_unit(units: Any, name: str, base: Any) -> bool:  # noqa: ANN401

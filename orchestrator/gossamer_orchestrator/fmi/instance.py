@@ -44,6 +44,8 @@ class Instance:
         Time [s] at which the FMU itself ended the simulation.
     on_end : callable
         Called with this instance when that happens.
+    restored : int
+        How often its state was restored.
 
     Raises
     ------
@@ -64,6 +66,7 @@ class Instance:
         self._states = (ctypes.c_void_p(), ctypes.c_void_p())
         self.ended_at: float | None = None
         self.on_end: Callable[[Instance], object] = lambda _: None
+        self.restored = 0
         self._initialized = False
         self._next_event = math.inf  # [s]
         self._reached = time  # [s]
@@ -101,6 +104,24 @@ class Instance:
         """Set parameters and inputs of any type by name."""
         for name, value in values.items():
             self._write(self.port([name], self.fmu.variables[name].type).put([value]), f"refused {name!r} = {value!r}")
+
+    def differing(self, values: Mapping[str, Value]) -> dict[str, Value]:
+        """Return what the FMU has in place of values that were set, by name, as far as they can be read and differ."""
+        names: dict[str, list[str]] = {}
+        for name in self.fmu.whole(values):
+            names.setdefault(self.fmu.variables[name].type, []).append(name)
+        found: dict[str, Value] = {}
+        for kind, each in names.items():
+            port = self.port(each, kind)
+            status = port.get_them(*port.arguments)
+            if status > WARNING:
+                if status == FATAL:
+                    self._check(status, "did not return its start values")
+                continue
+            present = dict(zip(each, port.get(), strict=True))
+            stated = dict(zip(each, port.put([values.get(name, present[name]) for name in each]).get(), strict=True))
+            found |= {name: value for name, value in present.items() if repr(value) != repr(stated[name])}
+        return found
 
     def enter_initialization(self, stop: float) -> None:
         """Set the times of the run and enter the mode in which start values are set."""
@@ -239,6 +260,7 @@ class Instance:
         """Restore the state saved in a slot, with the inputs of then."""
         self._check(self._set_state(self._component, self._states[slot]), "did not restore its saved state")
         self.ended_at = None
+        self.restored += 1
         self._written.clear()
 
     def serialize(self) -> bytes:

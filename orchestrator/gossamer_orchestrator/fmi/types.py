@@ -32,6 +32,19 @@ TEXTS = ("String", "Binary")
 EXCHANGED_EXACTLY = ("Int64", "UInt64", *TEXTS)  # what a float may not hold
 NUMBERS = (*FLOATS, *INTEGERS, "Boolean")
 
+_HELD = {"Boolean": (0, 1), "Real": (-LARGEST_EXACT, LARGEST_EXACT), "Float32": (-(2**24), 2**24)} | RANGES
+
+
+def holds(received: str, sent: str) -> bool:
+    """Tell whether a type takes every value of another: floats agree, integers fit, a truth value is 0 or 1."""
+    if sent == received or (sent in FLOATS and received in FLOATS):
+        return True
+    if received == "Boolean" or sent in FLOATS or not {sent, received} <= _HELD.keys():
+        return False
+    (low, high), (least, most) = _HELD[sent], _HELD[received]
+    return bool(least <= low and high <= most)
+
+
 Value = bool | int | float | str | bytes
 
 _C_TYPES: dict[str, Any] = {
@@ -71,10 +84,14 @@ def parse(kind: str, text: str | None) -> Value:
 
 
 def cast(kind: str, value: float) -> Value:
-    """Turn a float back into the value of another type that it stands for."""
+    """Turn a float into the value of another type that is nearest to it; ``ValueError`` if there is none."""
     if kind in FLOATS:
         return value
-    return bool(value) if kind == "Boolean" else int(value)
+    if kind == "Boolean":
+        return value != 0.0
+    low, high = RANGES[kind]
+    require(low - 0.5 < value < high + 0.5, f"{value:.9g} is no {kind}", ValueError)
+    return round(value)
 
 
 class Port:

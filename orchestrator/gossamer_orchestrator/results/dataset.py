@@ -244,6 +244,17 @@ def arrange(time: NDArray[np.float64], table: NDArray[np.float64], columns: Iter
     return xr.Dataset(variables, coords=coordinates)
 
 
+def effort_of(data: xr.Dataset) -> dict[str, dict[str, float]]:
+    """Return what each component took of a run: ``seconds``, measured by samples, steps ``refused``, states ``restored``."""
+    found: dict[str, dict[str, float]] = json.loads(data.attrs.get("effort") or "{}")
+    return found
+
+
+def variables_of(data: xr.Dataset) -> dict[str, xr.Variable]:
+    """Return the recorded variables by name: ``data[name]`` takes longer the more of them there are."""
+    return {str(name): data.variables[name] for name in data.data_vars}
+
+
 def find_all(data: xr.Dataset, role: str) -> list[str]:
     """List the components with a role, "membrane", "sensor", "compensator" or "detector", in the order of the scenario."""
     fmus = json.loads(data.attrs.get("fmus", "{}"))

@@ -24,7 +24,7 @@ from gossamer_files import replacing
 
 from ..errors import ResultsError, check_path, writing
 from ..names import split_endpoint
-from .dataset import SCHEMA, VERSION, RecordedScalar, arrange
+from .dataset import SCHEMA, VERSION, RecordedScalar, arrange, variables_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -57,7 +57,7 @@ def save_csv(data: xr.Dataset, folder: Path) -> None:
 
 def values_in(data: xr.Dataset) -> int:
     """Count the values of a data set, times included."""
-    return int(data["time"].size + sum(variable.size for variable in data.data_vars.values()))
+    return data.sizes["time"] + sum(variable.size for variable in variables_of(data).values())
 
 
 def make_folder(folder: Path) -> None:
@@ -69,10 +69,11 @@ def make_folder(folder: Path) -> None:
 
 def _write_csv(data: xr.Dataset, path: Path) -> None:
     names = ["time [s]"]
-    for base in data.data_vars:
-        variable = data[base]
+    variables = variables_of(data)
+    for base, variable in variables.items():
         unit = variable.attrs.get("units", "1")
-        labels = [data[dim].to_numpy() for dim in variable.dims[1:]]
+        inner = dict(zip(variable.dims[1:], variable.shape[1:], strict=True))
+        labels = [data.variables[dim].to_numpy() if dim in data.variables else range(size) for dim, size in inner.items()]
         for place in np.ndindex(*variable.shape[1:]):
             indices = ",".join(str(labels[axis][i]) for axis, i in enumerate(place))
             names.append(f"{base}[{indices}] [{unit}]" if indices else f"{base} [{unit}]")
@@ -81,8 +82,8 @@ def _write_csv(data: xr.Dataset, path: Path) -> None:
         writer = csv.writer(file)
         writer.writerow(names)
         for first in range(0, data.sizes["time"], rows):
-            part = data.isel(time=slice(first, first + rows))
-            columns = [part[name].to_numpy().reshape(part.sizes["time"], -1) for name in ("time", *part.data_vars)]
+            parts = [variable[first : first + rows].to_numpy() for variable in (data.variables["time"], *variables.values())]
+            columns = [part.reshape(len(part), -1) for part in parts]
             writer.writerows(np.hstack(columns).tolist())
 
 

@@ -14,14 +14,15 @@ References
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import struct
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from io import BytesIO, FileIO
+from io import FileIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from gossamer_files.options import option
@@ -29,9 +30,6 @@ from numpy.typing import NDArray
 
 from ..errors import ResultsError, writing
 from .dataset import UNFINISHED, RecordedScalar, group
-
-if TYPE_CHECKING:
-    from scipy.io import netcdf_file
 
 _ROOM = 4000  # bytes for the reason why a run ended
 _CHUNK = 8_000_000  # bytes that are converted at a time
@@ -64,42 +62,84 @@ class Layout(NamedTuple):
 
 
 def make_file(columns: Sequence[RecordedScalar], attributes: Mapping[str, Any]) -> tuple[bytes, Layout]:
-    """Make the header of a file without records, and its layout."""
-    from scipy.io import netcdf_file
+    """Make the header of a file without records, and its layout.
 
+    SciPy's writer takes a time that grows with the square of the number of variables.
+    """
     variables, labels = group(columns)
-    ending = {"ended": UNFINISHED.encode().ljust(_ROOM, b"\0"), "wall_time": 0.0, "not_finite": 0, "divided_steps": 0}
-    buffer = BytesIO()
-    with netcdf_file(buffer, "w", version=2) as file:
-        for name, value in {**attributes, **ending}.items():
-            content = value.encode() if isinstance(value, str) else np.float64(value) if type(value) is float else value
-            setattr(file, name, content)
-        file.createDimension("time", None)
-        for dim, values in labels.items():
-            file.createDimension(dim, len(values))
-            file.createVariable(dim, "i4", (dim,))[:] = values
-        cells, width = [0] * (1 + len(columns)), 1
-        _add_variable(file, "time", (), "s", "time")
-        for each in variables:
-            _add_variable(file, each.name, each.dims, each.unit, each.description)
-            for cell, column in zip(each.cells, each.columns, strict=True):
-                cells[1 + column] = width + cell
-            width += each.size
-        file.flush()
-        data = buffer.getvalue()
-    header = data[:4] + bytes(4) + data[8 : -8 * width]  # a header alone would lack the sizes of the records
+    room = 6 * len("".join(names := json.loads(attributes.get("fmus", "{}")))) + 100 * len(names)
+    ending = {"ended": UNFINISHED.ljust(_ROOM, "\0"), "effort": "\0" * room, "wall_time": 0.0}
+    ending |= {"not_finite": 0, "divided_steps": 0}
+    dims = ["time", *labels]
+    header = b"CDF\2" + _integer(0) + _list(_DIMENSION, [_name("time") + _integer(0), *(
+        _name(dim) + _integer(len(labels[dim])) for dim in labels
+    )])  # fmt: skip
+    header += _attributes({**attributes, **ending})
+    fixed = [np.array(values, dtype=">i4").tobytes() for values in labels.values()]
+    described = [
+        _variable(dim, [i], {}, _INTEGER, len(data)) for i, (dim, data) in enumerate(zip(labels, fixed, strict=True), 1)
+    ]
+    sizes = [len(data) for data in fixed]
+    cells, width = [0] * (1 + len(columns)), 1
+    described.append(_variable("time", [0], {"units": "s", "long_name": "time"}, _DOUBLE, 8))
+    sizes.append(8)
+    for each in variables:
+        about = {"units": each.unit, "long_name": each.description}
+        described.append(_variable(each.name, [0, *map(dims.index, each.dims)], about, _DOUBLE, 8 * each.size))
+        sizes.append(8 * each.size)
+        for cell, column in zip(each.cells, each.columns, strict=True):
+            cells[1 + column] = width + cell
+        width += each.size
+    begin = len(header) + 8 + sum(len(text) + 8 for text in described)
+    begins = begin + np.cumsum([0, *sizes[:-1]])
+    header += _list(_VARIABLE, [text + struct.pack(">q", place) for text, place in zip(described, begins, strict=True)])
+    header += b"".join(fixed)
     return header, Layout(len(header), width, cells, {name: _place(header, name) for name in ending})
 
 
-def _add_variable(file: netcdf_file, name: str, dims: tuple[str, ...], unit: str, description: str) -> None:
-    variable = file.createVariable(name, "f8", ("time", *dims))
-    variable.units, variable.long_name = unit.encode(), description.encode()
-    variable[0] = np.nan
+_INTEGER, _CHARACTERS, _DOUBLE = 4, 2, 6  # types of netCDF
+_DIMENSION, _VARIABLE, _ATTRIBUTE = 10, 11, 12  # what a list is of
+
+
+def _integer(value: int) -> bytes:
+    return struct.pack(">I", min(value, 2**32 - 1))  # larger variables are said to be of that size
+
+
+def _padded(data: bytes) -> bytes:
+    return data.ljust(4 * math.ceil(len(data) / 4), b"\0")
+
+
+def _name(name: str) -> bytes:
+    data = name.encode("latin1", "xmlcharrefreplace")  # as SciPy reads it
+    return _integer(len(data)) + _padded(data)
+
+
+def _list(kind: int, items: Sequence[bytes]) -> bytes:
+    return _integer(kind if items else 0) + _integer(len(items)) + b"".join(items)
+
+
+def _attributes(attributes: Mapping[str, Any]) -> bytes:
+    items = []
+    for name, value in attributes.items():
+        if isinstance(value, str):
+            data = value.encode()
+            content = _integer(_CHARACTERS) + _integer(len(data)) + _padded(data)
+        else:
+            kind, code = (_DOUBLE, ">d") if isinstance(value, float) else (_INTEGER, ">i")
+            content = _integer(kind) + _integer(1) + struct.pack(code, value)
+        items.append(_name(name) + content)
+    return _list(_ATTRIBUTE, items)
+
+
+def _variable(name: str, dims: Sequence[int], attributes: Mapping[str, Any], kind: int, size: int) -> bytes:
+    """Describe a variable, but for its place."""
+    places = b"".join(_integer(each) for each in dims)
+    return _name(name) + _integer(len(dims)) + places + _attributes(attributes) + _integer(kind) + _integer(size)
 
 
 def _place(header: bytes, name: str) -> int:
     """Return where the value of an attribute stands, behind its name, type and size."""
-    key = struct.pack(">i", len(name)) + name.encode().ljust(4 * math.ceil(len(name) / 4), b"\0")
+    key = _name(name)
     return header.index(key) + len(key) + 8
 
 
@@ -177,12 +217,21 @@ class GrowingFile:
             file.seek(self.layout.begin + (self.count - 1) * self.layout.record)
             return float(struct.unpack(">d", file.read(8))[0])
 
-    def end(self, ended: str, wall_time: float, not_finite: int = 0, divided_steps: int = 0) -> None:
-        """Write how the run ended, and make sure that everything is on the disk."""
-        text = ended.encode()[:_ROOM].decode(errors="ignore").encode()
-        numbers = struct.pack(">d", wall_time), struct.pack(">i", not_finite), struct.pack(">i", divided_steps)
-        contents = (text.ljust(_ROOM, b"\0"), *numbers)
-        self._write(dict(zip(self.layout.places.values(), contents, strict=True)), sync=True)
+    def end(
+        self, ended: str, wall_time: float, counts: Sequence[int] = (0, 0), effort: Mapping[str, Any] | None = None
+    ) -> None:
+        """Write how the run ended and what its components took, and put all on the disk; counts: rows with numbers that are not finite, steps divided."""
+        text, spent = ended.encode()[:_ROOM].decode(errors="ignore").encode(), json.dumps(effort or {}).encode()
+        places = self.layout.places
+        room = places["wall_time"] - places["effort"] - len(_name("wall_time")) - 8
+        contents = {
+            places["ended"]: text.ljust(_ROOM, b"\0"),
+            places["effort"]: (spent if len(spent) <= room else b"").ljust(room, b"\0"),
+            places["wall_time"]: struct.pack(">d", wall_time),
+            places["not_finite"]: struct.pack(">i", counts[0]),
+            places["divided_steps"]: struct.pack(">i", counts[1]),
+        }
+        self._write(contents, sync=True)
 
     @contextmanager
     def _opened(self) -> Iterator[FileIO]:

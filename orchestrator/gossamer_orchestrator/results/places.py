@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 
 from ..fmi.shape import Array, Surface
-from .dataset import PLACES, find_all, is_whole, parameters_of
+from .dataset import PLACES, find_all, is_whole, parameters_of, variables_of
 from .files import load_results
 from .shapes import load_shapes
 
@@ -83,8 +83,10 @@ def with_places(data: xr.Dataset, folder: Path | None = None) -> xr.Dataset:
         for axis, nodes in zip("xy", data[heights].shape[-2:], strict=True):
             described = metres | {"long_name": f"{axis} of the node"}
             coordinates[axis] = (axis, length * np.arange(1, nodes + 1) / (nodes + 1), described)
+    if not changed and not coordinates:
+        return data
     unused = {dim for name in changed for dim in _places(data[name])}
-    unused -= {dim for name in data.data_vars if name not in changed for dim in data[name].dims}
+    unused -= {dim for name, each in variables_of(data).items() if name not in changed for dim in each.dims}
     rest = data.drop_vars([*changed, *(dim for dim in unused if dim in data.coords)])
     rest = rest.rename(
         {

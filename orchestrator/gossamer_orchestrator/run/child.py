@@ -153,6 +153,7 @@ def _run(task: RunTask, report: Report) -> None:
                 report(interrupted=True)
             else:
                 report(ended=simulation.ended or "complete")
+            report(counts=[[member.refused, member.instance.restored] for member in simulation.members])
 
 
 def _check_outputs(plan: Plan, out: Path) -> None:

@@ -26,6 +26,8 @@ from .steps import UNITS, ControlledSteps, Division
 
 logger = logging.getLogger(__name__)
 
+_MOST_NAMED = 4  # values in a message
+
 
 class Observer(Protocol):
     """Something that watches a run."""
@@ -230,7 +232,9 @@ class Simulation:
             if self.ended_by:  # by an input that has arrived
                 return self.members[position[COMPONENT]]
             if not stage.advance(time, length, full=full):
-                return self.members[position[COMPONENT]]
+                member = self.members[position[COMPONENT]]
+                member.refused += not self.ended_by
+                return member
         return None
 
     def is_recorded(self, tick: int) -> bool:
@@ -283,6 +287,7 @@ class Simulation:
                 member = self.member(each)
                 member.receive(0)
                 member.instance.exit_initialization()
+                self._check_start(member)
                 member.read(full=True)
                 self.store.arrive()
             done.update(names)
@@ -304,13 +309,31 @@ class Simulation:
             self._stages = side_by_side(self._stages, self.plan, self.position, self._pool)
 
     def _enter_initialization(self, name: str) -> None:
-        """Set the start values of a component, and its inputs at the start."""
-        member = self.member(name)
-        member.call().set_start(self.plan.component(name).start)
-        member.instance.enter_initialization(self.scenario.stop)
+        """Set the start values of a component, and its inputs at the start.
+
+        There are FMUs that overwrite them when they enter their initialization; set again there, they hold.
+        """
+        member, start = self.member(name), self.plan.component(name).start
+        instance = member.call()
+        instance.set_start(start)
+        instance.enter_initialization(self.scenario.stop)
+        variables = self.plan.component(name).fmu.variables
+        again = [v for v in instance.differing(start) if variables[v].causality != "structuralParameter"]
+        instance.set_start({v: start[v] for v in again})
         for receiver, values in self.plan.events.get(0, ()):
             if receiver == name:
                 member.set(values)
+
+    def _check_start(self, member: Member) -> None:
+        """Say which values that the scenario states an FMU does not keep over its initialization."""
+        stated = dict(self.plan.component(member.name).start)
+        for receiver, values in self.plan.events.get(0, ()):
+            stated |= values if receiver == member.name else {}
+        if differing := member.instance.differing(stated):
+            few = [f"{v} = {value!r} in place of {stated[v]!r}" for v, value in differing.items()][:_MOST_NAMED]
+            more = f" and {len(differing) - len(few)} more" if len(differing) > len(few) else ""
+            text = "component %r does not keep what the scenario states: %s%s. It computes with its own; check it with %s"
+            logger.warning(text, member.name, ", ".join(few), more, "'gossamer verify'")
 
     def read(self, *names: str) -> None:
         """Read all variables at the present communication point, of the components named or of all."""

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import SimulationError
 from ..fmi.instance import Instance
 from ..fmi.types import EXCHANGED_EXACTLY, LARGEST_EXACT, TEXTS, Port, Value, cast, parse
 from ..scenario.plan import ComponentPlan
@@ -62,8 +63,11 @@ class InputsOfType:
         self._port = instance.port(names, kind)
         self._index = {name: i for i, name in enumerate(names)}
         self._values: list[Any] = [plan.start.get(v, parse(kind, plan.fmu.variables[v].start)) for v in names]
-        self._sources = [(self._index[c.input], store.places[c.sender, c.output], channel) for c, channel in wires]
-        self._exact = kind in EXCHANGED_EXACTLY
+        self._sources = []
+        for c, channel in wires:
+            place = store.places[c.sender, c.output]
+            exact = bool(store.exact) and store.exact[place] is not None and kind in EXCHANGED_EXACTLY and channel is None
+            self._sources.append((self._index[c.input], place, channel, exact))
         self._last: list[Any] = []
 
     def keep(self, values: Mapping[str, Value]) -> None:
@@ -75,12 +79,17 @@ class InputsOfType:
     def receive(self, tick: int) -> None:
         """Fetch the values and set the inputs; in event mode only if one has changed."""
         floats, exact = self._store.arrived, self._store.exact_arrived
-        for i, place, channel in self._sources:
-            if self._exact:
+        for i, place, channel, exactly in self._sources:
+            if exactly:
                 self._values[i] = exact[place]
-            else:
-                value = float(floats[place])
+                continue
+            value = float(floats[place])
+            try:
                 self._values[i] = cast(self._kind, value if channel is None else channel(value, tick))
+            except ValueError as error:
+                component, name = self._instance.name, list(self._index)[i]
+                msg = f"{component}.{name} cannot receive its value: {error}. Correct 'gain' and 'bias' of its connection."
+                raise SimulationError(msg, component=component, time=self._store.plan.scenario.seconds(tick)) from error
         self._instance.write_events(self._port.put(self._values))
 
 
@@ -144,11 +153,14 @@ class Member:
     ----------
     every : int
         It steps at every n-th communication point.
+    refused : int
+        Steps, whole or parts, that its FMU has refused.
     """
 
     def __init__(self, plan: ComponentPlan, instance: Instance, store: Store, number: int, position: Position) -> None:
         self.name, self.number, self.every = plan.name, number, plan.every
         self.instance, self._store, self._position = instance, store, position
+        self.refused = 0
         reals = {sent: names for kind, sent, names in plan.ports if kind == "Real"}
         sent, recorded = reals.get(True, []), reals.get(False, [])
         begin = store.places[plan.name, plan.read[0]] if plan.read else 0

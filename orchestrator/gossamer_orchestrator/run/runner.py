@@ -177,9 +177,13 @@ def _settle(process: Process, folder: Path, temporary: Path, wall_time: float) -
     error = process.error
     reason = "interrupted" if isinstance(error, KeyboardInterrupt) else str(error)
     counts = process.position[NOT_FINITE], process.position[DIVIDED]
-    file.end(reason if error is not None else process.ended, wall_time, *counts)
+    effort = {name: {key: round(value, 3) for key, value in each.items()} for name, each in process.effort.items()}
+    file.end(reason if error is not None else process.ended, wall_time, counts, effort)
     last = file.last_time()
     logger.info("%d communication points until t = %.9g s in %.1f s", file.count, last, wall_time)
+    for name, each in effort.items():
+        text = "%s: %.2f s, %d steps refused, %d states restored"
+        logger.info(text, name, each["seconds"], each["refused"], each["restored"])
     full = isinstance(error, ResultsError) and (folder / files.NETCDF).exists()
     if full or (error is not None and files.has_complete(folder)):
         return last, path

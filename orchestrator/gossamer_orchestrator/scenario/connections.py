@@ -12,7 +12,7 @@ from graphlib import CycleError, TopologicalSorter
 from typing import TypeVar
 
 from ..fmi.file import FmuFile
-from ..fmi.types import FLOATS, conversion, mismatch
+from ..fmi.types import FLOATS, NUMBERS, conversion, holds, mismatch
 from ..names import split_endpoint, split_indices, suggest
 from .schema import Connection, Scenario
 from .source import Problems
@@ -101,13 +101,16 @@ def _check_ends(draft: Draft, i: int, connection: Connection, fed: dict[str, int
         return False
     sent = files[connection.sender].variables[connection.output].type
     received = files[connection.receiver].variables[connection.input].type
-    if sent != received and not (sent in FLOATS and received in FLOATS):
-        kinds = f"{connection.origin!r} is of type {sent} and {connection.target!r} of type {received}"
-        text = f"{kinds}. Connect variables of one type."
-        problems.add(("connections", i, "to"), text)
+    kinds = f"{connection.origin!r} is of type {sent} and {connection.target!r} of type {received}"
+    numbers = {sent, received} <= set(NUMBERS)
+    if not holds(received, sent) and not (numbers and connection.gain is not None):
+        advice = "State a 'gain' if values are to be rounded" if numbers else "Connect variables of one type"
+        problems.add(("connections", i, "to"), f"{kinds}, which does not hold all its values. {advice}.")
         return False
+    if sent != received:
+        logger.info("%s: values are converted", kinds)
     if received not in FLOATS:
-        for key in ("gain", "bias", "noise", "dropout"):
+        for key in ("noise", "dropout") if sent != received else ("gain", "bias", "noise", "dropout"):
             if getattr(connection, key) is not None:
                 text = f"{connection.target!r} is of type {received}, and only a Real can have a {key}. Remove it."
                 problems.add(("connections", i, key), text)
@@ -317,6 +320,19 @@ def check_groups(draft: Draft, connections: Iterable[Connection]) -> None:
         names = set(group.components)
         if names <= set(files) and not any({c.sender, c.receiver} <= names for c in connections):
             problems.add(place, "the group's components are not connected to each other. Remove the group.")
+
+
+def warn_of_coupled_exchange(draft: Draft, connections: Iterable[Connection]) -> None:
+    """Say that FMUs for model exchange which feed each other are integrated one by one, so to first order in the step."""
+    exchange = {name for name, file in draft.files.items() if file.model_exchange}
+    inside = [c for c in connections if {c.sender, c.receiver} <= exchange and c.sender != c.receiver]
+    if coupled := list(dict.fromkeys(name for c in inside for name in (c.sender, c.receiver))):
+        logger.warning(
+            "%s: %s are for model exchange and connected: each is integrated by itself, with inputs held over a step, so "
+            "results are of first order in 'step'. Halve it to see what that changes, or export them as one FMU",
+            draft.scenario.source.where(("step",)),
+            ", ".join(coupled),
+        )
 
 
 def check_steps(draft: Draft) -> None:

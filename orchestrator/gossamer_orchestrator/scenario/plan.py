@@ -16,7 +16,7 @@ from ..errors import FmuError, ScenarioError, check_path, explain_file
 from ..fmi.file import FmuFile
 from ..fmi.types import NUMBERS, TEXTS
 from ..names import matches, split_indices, suggest
-from .connections import Draft, check_connections, check_groups, check_steps, order_components
+from .connections import Draft, check_connections, check_groups, check_steps, order_components, warn_of_coupled_exchange
 from .histories import FILE, History, read_histories
 from .schema import Connection, Scenario, Value
 from .source import Location, Problems
@@ -145,6 +145,7 @@ def make_plan(scenario: Scenario, fmus: Path, *, strict: bool = False) -> Plan:
     columns = _check_recording(draft, {c.target for c in connections})
     check_groups(draft, connections)
     check_steps(draft)
+    warn_of_coupled_exchange(draft, connections)
     start_order, order = order_components(draft, connections, fed)
     problems.raise_if_any()
 

@@ -12,9 +12,11 @@ from operator import methodcaller
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ..fmi.slave import DISCARD, ERROR, FATAL, OK, WARNING
 from .checks import FAILED, NOT_APPLICABLE, PASSED, REMARK, Outcome, check, none_of
-from .subject import REALS, InstanceUnderTest, Subject, length, swing
+from .subject import REALS, InstanceUnderTest, Subject, Trajectory, length, swing
 
 _WORDS = {OK: "accepted", WARNING: "accepted with a warning", DISCARD: "discarded", ERROR: "refused with an error"}
 _STATE = ("canGetAndSetFMUstate",)
@@ -31,7 +33,7 @@ def _start(subject: Subject) -> Outcome:
     return PASSED, "Instantiated, initialized with its start values, terminated and freed."
 
 
-@check("wrong token")
+@check("wrong token", misuse=True)
 def _token(subject: Subject) -> Outcome:
     try:
         with subject.instance(initialize=False, token="{00000000-0000-0000-0000-000000000000}"):
@@ -60,6 +62,38 @@ def _readable(subject: Subject) -> Outcome:
     return none_of(unreadable, "Cannot be read after initialization", good)
 
 
+@check("stated parameters")
+def _stated(subject: Subject) -> Outcome:
+    given = {
+        v.name: (v, [0.999 * x or y for x, y in zip(swing(v, 0.0), swing(v, 1.0), strict=True)]) for v in subject.parameters
+    }
+    if not given:
+        return NOT_APPLICABLE, "It has no Real parameter."
+
+    def lost() -> list[str]:
+        return [name for name, (v, values) in given.items() if not np.allclose(one.get(v), values, rtol=1e-6, atol=0.0)]
+
+    def set_again() -> None:
+        overwritten.extend(lost())
+        for name in overwritten:
+            one.set(*given[name])
+
+    overwritten: list[str] = []
+    with subject.instance(initialize=False) as one:
+        for variable, values in given.values():
+            one.set(variable, values)
+        if one.attempt(one.initialize, set_again) > WARNING:
+            return (
+                NOT_APPLICABLE,
+                f"It does not start with parameters that differ a little from its own.{subject.log.tail()}",
+            )
+        law = "FMI: what a host sets before the initialization is the start value. Not kept"
+        if gone := lost():
+            return none_of(gone, f"{law}, not even set again in the initialization mode", "")
+    good = f"{len(given)} parameters set before the initialization hold after it."
+    return none_of(overwritten, f"{law} unless set again in the initialization mode", good, verdict=REMARK)
+
+
 @check("steps", runs=True)
 def _steps(subject: Subject) -> Outcome:
     with subject.instance() as one:
@@ -76,9 +110,25 @@ def _steps(subject: Subject) -> Outcome:
     return PASSED, f"{subject.steps} steps of {subject.size:g} s with start values, outputs finite."
 
 
-def _equal(first: list[str], second: list[str], good: str, bad: str) -> Outcome:
-    differ = [k for k, (a, b) in enumerate(zip_longest(first, second)) if a != b]
-    return (FAILED, f"{bad}, the outputs differ from step {differ[0]} on.") if differ else (PASSED, good)
+def _equal(subject: Subject, first: Trajectory, second: Trajectory, good: str, bad: str) -> Outcome:
+    """Compare outputs to the bit; name the first that differs, and by how much it does at most."""
+    k = next((k for k, (a, b) in enumerate(zip_longest(first, second)) if repr(a) != repr(b)), None)
+    if k is None:
+        return PASSED, good
+    bad = f"{bad}, the outputs differ from step {k} on"
+    if k >= min(len(first), len(second)):
+        return FAILED, f"{bad}: one run ends there."
+    names = [v.name for v in subject.outputs for _ in range(length(v))]
+    at = next(i for i, (a, b) in enumerate(zip(first[k], second[k], strict=True)) if repr(a) != repr(b))
+    a, b = first[k][at], second[k][at]
+    if not isinstance(a, float):
+        return FAILED, f"{bad}, {names[at]} first: {a!r} and {b!r}."
+    both = np.array([(one[at], other[at]) for one, other in zip(first, second, strict=False)])
+    apart, size = np.nanmax(abs(both[:, 0] - both[:, 1])), np.nanmax(abs(both))
+    return (
+        FAILED,
+        f"{bad}, {names[at]} first: {a!r} and {b!r}, by up to {apart:.3g}, {apart / (size or 1.0):.1e} of its size.",
+    )
 
 
 @check("save and restore", needs=_STATE, runs=True)
@@ -91,7 +141,7 @@ def _restore(subject: Subject) -> Outcome:
         one.restore(state)
         second = one.excite(subject.half, subject.steps)
     good = f"{subject.half} steps repeated from a saved state are equal to the bit."
-    return _equal(first, second, good, "Repeated from a saved state")
+    return _equal(subject, first, second, good, "Repeated from a saved state")
 
 
 @check("serialize", needs=(*_STATE, "canSerializeFMUstate"), runs=True)
@@ -107,7 +157,7 @@ def _serialize(subject: Subject) -> Outcome:
             other.ended = ended
             second = other.excite(subject.half, subject.steps)
     good = f"{len(data)} bytes carry the state to another instance, which continues to the bit."
-    return _equal(first, second, good, "Continued in another instance from a serialized state")
+    return _equal(subject, first, second, good, "Continued in another instance from a serialized state")
 
 
 @check("reset", runs=True)
@@ -116,7 +166,9 @@ def _reset(subject: Subject) -> Outcome:
         first = one.excite(0, subject.steps)
         one.rewind()
         second = one.excite(0, subject.steps)
-    return _equal(first, second, f"{subject.steps} steps repeated after a reset are equal to the bit.", "After a reset")
+    return _equal(
+        subject, first, second, f"{subject.steps} steps repeated after a reset are equal to the bit.", "After a reset"
+    )
 
 
 @check("two instances", runs=True)
@@ -131,10 +183,10 @@ def _two(subject: Subject) -> Outcome:
             found += one.excite(k, k + 1)
             other.excite(k, k + 1, phase=1.0)
     good = "An instance beside another with other inputs gives the outputs it gives alone."
-    return _equal(expected, found, good, "Beside another instance with other inputs")
+    return _equal(subject, expected, found, good, "Beside another instance with other inputs")
 
 
-@check("fixed parameter", runs=True)
+@check("fixed parameter", misuse=True, runs=True)
 def _fixed(subject: Subject) -> Outcome:
     variable = next((v for v in subject.parameters if v.variability == "fixed"), None)
     if variable is None:
@@ -173,7 +225,7 @@ def _nan(subject: Subject) -> Outcome:
     return PASSED, f"Inputs {'; '.join(found)}."
 
 
-@check("wrong state", runs=True)
+@check("wrong state", misuse=True, runs=True)
 def _wrong_state(subject: Subject) -> Outcome:
     initialize, step = InstanceUnderTest.initialize, methodcaller("step", 0)
     cases: dict[str, list[Callable[[InstanceUnderTest], object]]] = {
@@ -199,7 +251,7 @@ def _log(subject: Subject) -> Outcome:
             one.attempt(one.set, variable, [math.nan] * length(variable))
         one.attempt(one.step, 0)
     if any(not text.strip() for _, text in subject.log.messages):
-        return FAILED, "It logs messages without text."
+        return REMARK, "It logs messages without text."
     if not subject.log.messages:
         return NOT_APPLICABLE, "It logged nothing, not even in a step with inputs that are not numbers."
     return PASSED, f"All its messages have text.{subject.log.tail()}"

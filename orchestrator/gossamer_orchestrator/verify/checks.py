@@ -49,7 +49,9 @@ class Check:
     needs : tuple of str
         Capabilities without which it is not applicable.
     gate : bool
-        If it fails, no check after it means anything.
+        Unless it passes, no check after it means anything.
+    misuse : bool
+        In it the host breaks the rules of FMI, so whatever the FMU does, even a crash, is a remark.
     runs : bool
         It steps the FMU, so that must be for co-simulation.
     """
@@ -57,6 +59,7 @@ class Check:
     function: Function
     needs: tuple[str, ...]
     gate: bool
+    misuse: bool
     runs: bool
 
     def __call__(self, subject: Callable[[], Subject], log: Log) -> Outcome:
@@ -69,19 +72,24 @@ class Check:
                 return NOT_APPLICABLE, f"It does not declare {', '.join(missing)}."
             return self.function(subject())
         except Exception as error:  # FMPy, lxml and xmlschema raise exceptions of any class
-            return FAILED, f"{sentence(str(error) or type(error).__name__)}{log.tail()}"
+            return self.bad, f"{sentence(str(error) or type(error).__name__)}{log.tail()}"
+
+    @property
+    def bad(self) -> str:
+        """Verdict where it cannot be made to its end."""
+        return REMARK if self.misuse else FAILED
 
 
 CHECKS: dict[str, Check] = {}  # by name, in the order of the report
 
 
 def check(
-    name: str, *, needs: tuple[str, ...] = (), gate: bool = False, runs: bool = False
+    name: str, *, needs: tuple[str, ...] = (), gate: bool = False, misuse: bool = False, runs: bool = False
 ) -> Callable[[Function], Function]:
     """Register a check, as a decorator of its function."""
 
     def add(function: Function) -> Function:
-        CHECKS[name] = Check(function, needs, gate, runs)
+        CHECKS[name] = Check(function, needs, gate, misuse, runs)
         return function
 
     return add
@@ -105,7 +113,8 @@ def _description(subject: Subject) -> Outcome:
     version = subject.description.fmiVersion
     if subject.version not in (2, 3) or subject.can is None:
         kind = "" if subject.can else " for scheduled execution"
-        return (FAILED, f"It is FMI {version}{kind}; only FMI 2.0 and 3.0 for co-simulation and model exchange are checked.")
+        what = "only FMI 2.0 and 3.0 for co-simulation and model exchange are checked"
+        return NOT_APPLICABLE, f"It is FMI {version}{kind}; {what}."
     tool = subject.description.generationTool or "an unnamed tool"
     kind = "model exchange" if subject.exchange else "co-simulation"
     return PASSED, f"FMI {version} for {kind}, {len(subject.variables)} variables, made by {tool}."

@@ -25,10 +25,10 @@ from functools import cache
 from pathlib import Path
 
 from ..errors import FmuError
-from ..fmi.archive import unpack
+from ..fmi.archive import has_backslashes, unpack
 from ..fmi.slave import Log
 from ..processes import end_all, shared_memory, signal_name, start
-from . import behaviour_checks  # noqa: F401 (registers its checks)
+from . import behaviour_checks, reference_check  # noqa: F401 (they register their checks)
 from .checks import CHECKS, FAILED, NOT_APPLICABLE, PASSED, REMARK, Finding
 from .subject import Calls, Subject
 
@@ -65,14 +65,16 @@ def verify(path: Path, *, only: Collection[str] | None = None, limit: float = LI
             return [Finding("archive", FAILED, str(error))]
         files = sum(p.is_file() for p in folder.rglob("*"))
         findings = [Finding("archive", PASSED, f"{files} files, none damaged or misplaced.")]
+        if has_backslashes(path):
+            findings = [Finding("archive", REMARK, f"{files} files; their names have '\\' where ZIP has '/'.")]
         names = [name for name, check in CHECKS.items() if check.gate or only is None or name in only]
         left = 0
         while names:
             found, more = _run_process(path.resolve(), Path(scratch), limit, names)
             findings, left = findings + found, left + more
             last, names = findings[-1], names[names.index(findings[-1].check) + 1 :]
-            if last.verdict == FAILED and CHECKS[last.check].gate:
-                why = f"The check {last.check!r} failed."
+            if last.verdict in (FAILED, NOT_APPLICABLE) and CHECKS[last.check].gate:
+                why = f"The check {last.check!r} {'failed' if last.verdict == FAILED else 'is not applicable'}."
                 findings += [Finding(name, NOT_APPLICABLE, why) for name in names]
                 break
     if left:
@@ -101,7 +103,10 @@ def _run_process(path: Path, scratch: Path, limit: float, names: list[str]) -> t
     elif code or not findings:
         death = f"The FMU ended its process with exit code {code:#x}."
     if death is not None and len(findings) < len(names):
-        findings.append(Finding(names[len(findings)], verdict, death))
+        check = CHECKS[names[len(findings)]]
+        if check.misuse:
+            death = f"The host breaks a rule of FMI here. {death}"
+        findings.append(Finding(names[len(findings)], check.bad if verdict == FAILED else verdict, death))
     return findings, left
 
 
@@ -136,6 +141,6 @@ def make_checks(path: str, scratch: str, *names: str) -> None:
         with Path(scratch, "report").open("a", encoding="utf-8") as report:  # nothing is open while the FMU is called
             report.write(json.dumps([verdict, why]) + "\n")
         log.messages.clear()
-        if (verdict == FAILED and CHECKS[name].gate) or subject().fatal:
+        if (verdict in (FAILED, NOT_APPLICABLE) and CHECKS[name].gate) or subject().fatal:
             break
     os._exit(0)  # an FMU's library may crash at the end of a process, which is none of the checks

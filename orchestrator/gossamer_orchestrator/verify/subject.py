@@ -25,6 +25,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 REALS = ("Real", "Float64", "Float32")
 STEPS = 100
+Trajectory = list[list[Any]]  # outputs after each step
 
 
 class Calls:
@@ -145,13 +146,14 @@ class InstanceUnderTest:
         slave = subject.calls.make(start_slave, subject.description, subject.folder, "verified", subject.log, token=token)
         self.slave: Any = _Counted(slave, subject.calls)
 
-    def initialize(self) -> None:
-        """Go through the initialization with default start values."""
+    def initialize(self, inside: Callable[[], object] = lambda: None) -> None:
+        """Go through the initialization, with what is to be done inside it."""
         if self.subject.version == 2:
             self.slave.setupExperiment(startTime=self.subject.start)
             self.slave.enterInitializationMode()
         else:
             self.slave.enterInitializationMode(startTime=self.subject.start)
+        inside()
         self.slave.exitInitializationMode()
 
     def get(self, variable: Any) -> list[Any]:  # noqa: ANN401
@@ -177,9 +179,13 @@ class InstanceUnderTest:
 
     def step(self, k: int) -> None:
         """Do the k-th step, which may end the simulation."""
+        self.advance(self.subject.start + k * self.subject.size, self.subject.size)
+
+    def advance(self, time: float, size: float) -> None:
+        """Do a step from a time [s], which may end the simulation."""
         subject = self.subject
         try:
-            flags = self.slave.doStep(subject.start + k * subject.size, subject.size, False)
+            flags = self.slave.doStep(time, size, False)
         except FMICallException as error:
             if error.status != DISCARD or subject.version != 2 or not self._has_terminated():
                 raise
@@ -202,19 +208,19 @@ class InstanceUnderTest:
         self.ended = False
         self.initialize()
 
-    def excite(self, begin: int, end: int, phase: float = 0.0) -> list[str]:
-        """Do steps with inputs that swing by 1 % about their start values; return the outputs after each, to the bit.
+    def excite(self, begin: int, end: int, phase: float = 0.0) -> Trajectory:
+        """Do steps with inputs that swing by 1 % about their start values; return the outputs after each.
 
         It ends early if the FMU ends the simulation.
         """
-        trajectory: list[str] = []
+        trajectory: Trajectory = []
         for k in range(begin, end):
             if self.ended:
                 break
             for i, variable in enumerate(self.subject.inputs):
                 self.set(variable, swing(variable, math.sin(0.3 * k + i + phase)))
             self.step(k)
-            trajectory.append(repr(self.read(self.subject.outputs)))
+            trajectory.append(self.read(self.subject.outputs))
         return trajectory
 
     def save(self, over: ctypes.c_void_p | None = None) -> ctypes.c_void_p:

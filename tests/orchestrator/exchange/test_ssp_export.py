@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zipfile
 
+import gossamer
 import pytest
 from command_line import invoke
 from gossamer_orchestrator import ScenarioError, export_ssp, make_plan, open_ssp, parse_scenario, run_scenario
@@ -193,3 +194,21 @@ def test_a_shipped_scenario_that_ssp_cannot_hold_is_to_be_copied(built):
     assert refused.exit_code == 1
     assert ": SSP has no events." in refused.stderr
     assert f"ships with Gossamer as {shipped_scenarios()['damage_begins']}." in refused.stderr
+
+
+def test_what_ssp_does_not_have_can_be_left_behind_and_is_named(fmus, tmp_path, caplog):
+    noise = 'bias = 1.0\nnoise = { kind = "normal", amplitude = 0.1 }\ndropout = { probability = 0.1 }\n'
+    event = '[[events]]\ntime = 1.0\ncomponent = "source"\nset = { u = 3.0 }\n'
+    (tmp_path / "noisy.toml").write_text(CHAIN.replace("bias = 1.0\n", noise) + event)
+    given = {"scenario": tmp_path / "noisy.toml", "fmus": fmus, "out": tmp_path / "a.ssp"}
+    with pytest.raises(ScenarioError, match=r"SSP has no noise in its connections") as refused:
+        gossamer.export_ssp(**given)
+    assert refused.value.__notes__ == ["without='noise,dropout,events' writes the rest."]
+    with pytest.raises(ScenarioError, match=r"'gain' cannot be left behind. Name some of noise, dropout, events."):
+        gossamer.export_ssp(**given, without="gain")
+    written = gossamer.export_ssp(**given, without=["noise", "dropout", "events"])
+    ends = "source.y -> sink.u"
+    assert f"this stays behind: noise of {ends}, dropout of {ends}, event at 1 s" in caplog.text
+    with open_ssp(written) as scenario:
+        left = run_scenario(scenario, fmus)
+    assert left["sink.y"].equals(run_scenario(parse_scenario(CHAIN), fmus)["sink.y"])

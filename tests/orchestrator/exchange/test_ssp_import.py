@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import zipfile
 
 import pytest
 from gossamer_orchestrator import ScenarioError, open_ssp
-from ssp_structures import GAIN, NESTED, SSV, SUM, bindings, component, connection, connector, last, real, system
+from ssp_structures import GAIN, NESTED, SSD, SSV, SUM, bindings, component, connection, connector, last, real, system
 
 
 def test_a_strangers_ssp_runs_without_annotations_and_with_an_external_parameter_set(make):
@@ -19,6 +20,24 @@ def test_a_strangers_ssp_runs_without_annotations_and_with_an_external_parameter
         files={"resources/gain values.ssv": SSV.format(real("factor", 3.0) + real("u", 2.0))},
     )
     assert last(path, "sum_1.y") == pytest.approx(6.0, rel=1e-14)
+
+
+@pytest.mark.parametrize("prefix", ["xmlns:c", "xmlns:v", "xmlns:ssv", "xmlns:ssc"])
+def test_prefixes_that_are_used_and_not_declared_are_taken_as_those_of_ssp(make, caplog, prefix):
+    """As in examples that many have copied."""
+    ssd, ssv = (re.sub(rf'{prefix}="[^"]*"', "", text) for text in (SSD, SSV.format(real("factor", 3.0) + real("u", 2.0))))
+    values = bindings("", ' source="resources/values.ssv"')
+    path = make(
+        system(component("sum", "integrator", SUM) + component("gain", "gain", GAIN, values), connection("gain.y", "sum.u")),
+        files={"resources/values.ssv": ssv},
+        ssd=ssd,
+    )
+    assert last(path, "sum.y") == pytest.approx(6.0, rel=1e-14)
+    name = prefix.removeprefix("xmlns:")
+    file = "values.ssv" if len(name) > 1 else "SystemStructure.ssd"
+    undeclared = {"c", "ssv", "ssc"}
+    said = f"other.ssp: {file} does not declare the prefixes {name}; they are taken as those of SSP"
+    assert (said in caplog.text) == (name in undeclared)
 
 
 def test_step_and_stop_come_from_the_command_if_it_names_them(make):

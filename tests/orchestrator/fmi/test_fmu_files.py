@@ -65,10 +65,22 @@ def test_no_more_is_unpacked_than_was_declared(tmp_path):
     assert sum(path.stat().st_size for path in (tmp_path / "x").rglob("*")) <= 10
 
 
-@pytest.mark.parametrize("name", ["../../evil.so", "/etc/evil", "a\\b", "C:evil"])
+@pytest.mark.parametrize("name", ["../../evil.so", "/etc/evil", "..\\evil.so", "C:evil"])
 def test_an_archive_that_leaves_its_folder_is_refused(tmp_path, name):
     with pytest.raises(FmuError, match="would be written outside its folder"):
         FmuFile(make_archive(tmp_path / "evil.fmu", name))
+
+
+@pytest.mark.filterwarnings("ignore:Duplicate name")
+@pytest.mark.parametrize("times", [1, 2])
+@pytest.mark.parametrize("separator", ["/", "\\"])
+def test_an_archive_of_a_careless_tool_is_unpacked(tmp_path, separator, times):
+    """Backslashes between folders, and the same file twice."""
+    with zipfile.ZipFile(tmp_path / "it.fmu", "w") as file:
+        for name in ["modelDescription.xml", f"resources{separator}inner{separator}y.txt"] * times:
+            file.writestr(name, "a")
+    archive.unpack(tmp_path / "it.fmu", tmp_path / "it")
+    assert (tmp_path / "it/resources/inner/y.txt").read_text() == "a"
 
 
 def test_a_link_in_an_archive_is_refused(tmp_path):

@@ -126,6 +126,17 @@ def test_model_exchange_takes_part_in_everything_that_steps(exchange_fmus, more)
     assert data["b.x"].values[-1] == pytest.approx(1.0, abs=1e-9)
 
 
+def test_a_warning_says_that_coupled_ones_are_integrated_one_by_one(exchange_fmus, caplog):
+    wire = "[[connections]]\nfrom = 'a.x'\nto = 'b.u'\n"
+    text = f'step = 0.1\nstop = 1.0\n[components.a]\nfmu = "Dahlquist2"\n[components.b]\nfmu = "Sampler2"\n{wire}'
+    make_plan(parse_scenario(text), exchange_fmus)
+    (record,) = caplog.records
+    assert record.getMessage().startswith("scenario:1: a, b are for model exchange and connected: each is integrated by")
+    caplog.clear()
+    make_plan(alone("Dahlquist2", 0.1, 1.0), exchange_fmus)
+    assert caplog.text == ""
+
+
 def test_what_needs_co_simulation_says_so(exchange_fmus, tmp_path):
     with pytest.raises(ScenarioError, match="is for model exchange, which a container does not integrate"):
         build_container(alone("Dahlquist2", 0.1, 1.0), exchange_fmus, tmp_path / "one.fmu")

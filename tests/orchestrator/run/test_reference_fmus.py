@@ -6,7 +6,15 @@ import csv
 
 import numpy as np
 import pytest
-from gossamer_orchestrator import FmuFile, ScenarioError, Simulation, make_plan, parse_scenario, run_scenario
+from gossamer_orchestrator import (
+    FmuFile,
+    ScenarioError,
+    Simulation,
+    SimulationError,
+    make_plan,
+    parse_scenario,
+    run_scenario,
+)
 from state_spaces import state_spaces
 
 EXPERIMENTS = {  # step and stop [s]
@@ -204,11 +212,76 @@ def test_without_inputs_the_reference_output_is_repeated(reference_fmus, referen
         assert value == (type(value)(expected[name]) if isinstance(value, int | float) else expected[name])
 
 
+def converted(fmi, sent, received, value, more="", master="gauss-seidel"):
+    """Return a scenario in which an input receives what an event sets of another type."""
+    inputs = [
+        ", ".join(f"{name}_input = {ZERO[name]}" for name in (ALL2 if version == 2 else TYPES) if name != left)
+        for version, left in zip(fmi, ("", received), strict=True)
+    ]
+    return parse_scenario(
+        f'step = 0.1\nstop = 1.0\nmaster = "{master}"\n[components]\n'
+        f'a = {{ fmu = "Feedthrough{fmi[0]}", inputs = {{ {inputs[0]} }} }}\n'
+        f'b = {{ fmu = "Feedthrough{fmi[1]}", inputs = {{ {inputs[1]} }} }}\n'
+        f'[[connections]]\nfrom = "a.{sent}_output"\nto = "b.{received}_input"\n{more}\n'
+        f'[[events]]\ntime = 0.5\ncomponent = "a"\nset = {{ {sent}_input = {value} }}\n'
+    )
+
+
+WIDENED = [
+    ("Int32", "Enumeration", "2", 2),
+    ("Enumeration", "Int32", "2", 2),
+    ("Int32", "Float64_continuous", "-7", -7.0),
+    ("Int32", "Float64_discrete", "2147483647", 2147483647.0),
+    ("Boolean", "Int32", "true", 1),
+    ("Boolean", "Float64_continuous", "true", 1.0),
+    ("Enumeration", "Float64_continuous", "2", 2.0),
+]
+WIDENED3 = [
+    ("Int8", "Int64", "-128", -128),
+    ("UInt32", "Int64", "4294967295", 2**32 - 1),
+    ("UInt8", "Float32_continuous", "255", 255.0),
+    ("Enumeration", "Int64", "2", 2),
+    ("Boolean", "UInt64", "true", 1),
+]
+ROUNDED = [
+    ("Float64_continuous", "Int32", "2.6", "gain = 1.0", 3),
+    ("Float64_continuous", "Int32", "2.6", "gain = -10.0\nbias = 0.4", -26),
+    ("Int64", "Float64_continuous", "9007199254740993", "gain = 1.0", 2.0**53),
+    ("Int32", "Boolean", "-4", "gain = 1.0", True),
+    ("UInt64", "Int8", "100", "gain = 0.5", 50),
+]
+CASES = [((fmi, to), *case[:3], "", case[3]) for fmi, to in ((2, 2), (3, 3), (2, 3), (3, 2)) for case in WIDENED]
+CASES += [((3, 3), *case[:3], "", case[3]) for case in WIDENED3] + [((3, 3), *case) for case in ROUNDED]
+
+
+@pytest.mark.parametrize("master", ["gauss-seidel", "jacobi"])
+def test_a_value_goes_to_a_wider_type_and_with_a_gain_to_a_narrower_one(reference_fmus, master):
+    for fmi, sent, received, value, more, expected in CASES:
+        last = Last()
+        with Simulation(make_plan(converted(fmi, sent, received, value, more, master), reference_fmus)) as simulation:
+            simulation.run([last])
+        found = last.outputs[received]
+        assert (found, type(found)) == (expected, type(expected)), (fmi, sent, received)
+
+
+@pytest.mark.parametrize(("value", "says"), [("300.0", "300 is no Int8"), ("-128.6", "-128.6 is no Int8")])
+def test_a_value_that_a_narrower_type_has_not_ends_the_run_by_name(reference_fmus, value, says):
+    scenario = converted((3, 3), "Float64_continuous", "Int8", value, "gain = 1.0")
+    with pytest.raises(SimulationError, match=rf"^b.Int8_input cannot receive its value: {says}. Correct 'gain' and 'bias'"):
+        run_scenario(scenario, reference_fmus)
+
+
 WIRE = '[[connections]]\nfrom = "a.{}_output"\nto = "b.{}_input"\n'
 REFUSALS = {
     "another type": (
         WIRE.format("Int32", "Int8"),
-        "scenario:9: 'a.Int32_output' is of type Integer and 'b.Int8_input' of type Int8. Connect variables of one type.",
+        "scenario:9: 'a.Int32_output' is of type Integer and 'b.Int8_input' of type Int8, "
+        "which does not hold all its values. State a 'gain' if values are to be rounded.",
+    ),
+    "a text to a number": (
+        WIRE.format("String", "Int8") + "gain = 1.0",
+        "scenario:9: 'a.String_output' is of type String and 'b.Int8_input' of type Int8, "
+        "which does not hold all its values. Connect variables of one type.",
     ),
     "a gain of an integer": (
         WIRE.format("Int8", "Int8") + "gain = 2.0",

@@ -10,31 +10,12 @@ import time
 import zipfile
 from pathlib import Path
 
-import fmpy
 import pytest
-from gossamer_models.compiler import compile_shared
-from gossamer_orchestrator.verify import FAILED, PASSED, REMARK, verify
+from gossamer_orchestrator.verify import FAILED, NOT_APPLICABLE, PASSED, REMARK, verify
+from odd import build
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="its FMUs are written for Linux")
 
-XML = """<?xml version="1.0" encoding="UTF-8"?>
-<fmiModelDescription fmiVersion="2.0" modelName="odd" guid="{{odd}}" generationTool="hand">
-  <CoSimulation modelIdentifier="odd" canGetAndSetFMUstate="true" canSerializeFMUstate="true"/>
-  <UnitDefinitions><Unit name="m"><BaseUnit m="1"/></Unit></UnitDefinitions>
-  <DefaultExperiment startTime="0" {experiment}/>
-  <ModelVariables>
-    <ScalarVariable name="u" valueReference="0" causality="input"><Real unit="m" start="0"/></ScalarVariable>
-    <ScalarVariable name="y" valueReference="1" causality="output"><Real unit="m"/></ScalarVariable>
-    <ScalarVariable name="p" valueReference="2" causality="parameter" variability="fixed">
-      <Real unit="m" start="0"/>
-    </ScalarVariable>
-  </ModelVariables>
-  <ModelStructure>
-    <Outputs><Unknown index="2"/></Outputs>
-    <InitialUnknowns><Unknown index="2"/></InitialUnknowns>
-  </ModelStructure>
-</fmiModelDescription>
-"""
 # until it is fed a time that lies behind its end
 BRIEF = 'stopTime="0.5" stepSize="0.01"'
 
@@ -44,17 +25,8 @@ def odd(tmp_path):
     """Return a function that makes an FMU of some C statements and tells what ``verify`` finds, by check."""
     pytest.importorskip("ziglang")
 
-    def make(*only, load="", instantiation="", step="", experiment='stepSize="0.01"', limit=20.0):
-        here = Path(__file__).parent
-        header = f"#define AT_LOAD {load}\n#define AT_INSTANTIATION {instantiation}\n#define AT_STEP {step}\n"
-        header += f'#define PIDS "{tmp_path / "pids"}"\n'
-        sources = {"odd.c": (here / "odd.c").read_bytes(), "odd.h": header.encode()}
-        headers = Path(fmpy.__file__).parent / "c-code"
-        binary = compile_shared(sources, "odd.c", "odd.so", ["-I", str(headers)], "an odd FMU")
-        with zipfile.ZipFile(tmp_path / "odd.fmu", "w") as archive:
-            archive.writestr("modelDescription.xml", XML.format(experiment=experiment))
-            archive.writestr(f"binaries/{fmpy.platform}/odd.so", binary)
-        return {each.check: each for each in verify(tmp_path / "odd.fmu", only=only or None, limit=limit)}
+    def make(*only, limit=20.0, **how):
+        return {each.check: each for each in verify(build(tmp_path / "odd.fmu", **how), only=only or None, limit=limit)}
 
     return make
 
@@ -160,3 +132,77 @@ def test_verify_leaves_no_process_when_it_is_interrupted(odd, tmp_path, request)
     (worker,) = (int(line) for line in pids.read_text().split())
     assert worker != os.getpid()
     assert ended(worker)
+
+
+def test_parameters_that_are_overwritten_in_the_initialization_are_named_with_what_fmi_says(odd):
+    overwrites = "one->value[2] = 0.5;"
+    (kept, again, lost) = (odd("stated parameters", **how)["stated parameters"] for how in (
+        {}, {"entry": overwrites}, {"entry": overwrites, "exit": overwrites},
+    ))  # fmt: skip
+    assert (kept.verdict, kept.why) == (PASSED, "1 parameters set before the initialization hold after it.")
+    law = "FMI: what a host sets before the initialization is the start value. Not kept"
+    assert (again.verdict, again.why) == (REMARK, f"{law} unless set again in the initialization mode: p.")
+    assert (lost.verdict, lost.why) == (FAILED, f"{law}, not even set again in the initialization mode: p.")
+
+
+@pytest.mark.parametrize(("check", "how"), [
+    ("wrong state", {"step": "if (!one->begun) abort();"}),
+    ("fixed parameter", {"setting": "if (one->begun == 2 && r[0] == 2) abort();"}),
+    ("wrong token", {"instantiation": 'if (strcmp(guid, "{odd}")) abort();'}),
+])  # fmt: skip
+def test_a_crash_where_the_host_breaks_the_rules_is_a_remark(odd, check, how):
+    findings = odd(check, **how)
+    assert failures(findings) == []
+    assert findings[check].verdict == REMARK
+    assert findings[check].why == "The host breaks a rule of FMI here. The FMU crashed its process: SIGABRT."
+
+
+def test_a_message_without_text_is_a_remark(odd):
+    findings = odd("log messages", step='SAY("");')
+    assert (findings["log messages"].verdict, findings["log messages"].why) == (REMARK, "It logs messages without text.")
+
+
+def test_outputs_that_differ_are_named_with_how_much(odd):
+    """The input swings about 0 by 0.01, so an output that is counted up by 1e-6 of all steps differs by 1e-4 of its size."""
+    counts = "static double n; one->value[0] = 1.0 + 1e-6 * n++;"
+    findings = odd("reset", step=counts, experiment='stopTime="1" stepSize="0.01"')
+    why = "After a reset, the outputs differ from step 0 on, y first: 1.0 and 1.0001, by up to 0.0001, 1.0e-04 of its size."
+    assert (findings["reset"].verdict, findings["reset"].why) == (FAILED, why)
+
+
+def test_fmi_1_is_not_applicable(tmp_path):
+    counts = 'numberOfContinuousStates="0" numberOfEventIndicators="0"'
+    xml = f'<fmiModelDescription fmiVersion="1.0" modelName="old" modelIdentifier="old" guid="x" {counts}><ModelVariables/>'
+    with zipfile.ZipFile(tmp_path / "old.fmu", "w") as archive:
+        archive.writestr("modelDescription.xml", f"{xml}</fmiModelDescription>")
+    findings = verify(tmp_path / "old.fmu")
+    assert {each.verdict for each in findings[1:]} == {NOT_APPLICABLE}
+    assert findings[1].why == "It is FMI 1.0; only FMI 2.0 and 3.0 for co-simulation and model exchange are checked."
+
+
+MANIFESTS = {
+    "1.0.0-rc.1": """<fmiReferences><Experiment name="ramp" startTime="0.0" stopTime="1.0" stepSize="0.25"><Parameters
+        source="p.ssv"/><Stimuli source="in.csv"/><References source="results/ref.csv"/></Experiment></fmiReferences>""",
+    "1.0.0-alpha.1": """<fmiReferences><Related role="experiment/smoke-test" source="e.xml"/></fmiReferences>""",
+}
+EXPERIMENTS = """<Experiments><Experiment name="ramp" startTime="0.0" stepSize="0.25"><Stimuli source="in.csv"/>
+    <References source="results/ref.csv"/></Experiment></Experiments>"""
+SSV = '<ParameterSet><Parameters><Parameter name="p"><Real value="0.5"/></Parameter></Parameters></ParameterSet>'
+
+
+@pytest.mark.parametrize("version", MANIFESTS)
+def test_an_fmu_is_compared_with_the_results_that_it_carries(tmp_path, version):
+    """Its output is its input where the step began: 2 t one step late."""
+    path, verdicts = build(tmp_path / "odd.fmu"), []
+    for last in (1.5, 1.6):
+        rows = "".join(f"{0.25 * k},{y}\n" for k, y in enumerate([0.0, 0.0, 0.5, 1.0, last]))
+        with zipfile.ZipFile(path) as old, zipfile.ZipFile(tmp_path / "new.fmu", "w") as new:
+            for name in old.namelist():
+                new.writestr(name, old.read(name))
+            files = {"fmi-ls-manifest.xml": MANIFESTS[version], "e.xml": EXPERIMENTS, "in.csv": "time,u\n0,0\n1,2\n"}
+            for name, text in (files | {"results/ref.csv": f"time,y\n{rows}", "p.ssv": SSV}).items():
+                new.writestr(f"extra/org.fmi-standard.fmi-ls-ref/{name}", text)
+        (finding,) = (each for each in verify(tmp_path / "new.fmu", only=["reference results"]) if "reference" in each.check)
+        verdicts.append((finding.verdict, finding.why))
+    good = "ramp: it gives its own results, within 0.0e+00 of the largest."
+    assert verdicts == [(PASSED, good), (FAILED, "ramp: y is 1.5 at t = 1 s, and 1.6 in its results.")]

@@ -13,7 +13,7 @@ from gossamer_files.plots import Panels, save_charts
 
 from ...errors import ResultsError, require
 from ...names import suggest
-from ..dataset import WATCHED, find_all
+from ..dataset import WATCHED, find_all, variables_of
 from ..judgements import changes, true_damage
 
 PICTURE = "sweep.png"
@@ -46,7 +46,7 @@ def save_cases(store: Path, folder: Path, variable: str | None, varied: Sequence
         There is no such variable.
     """
     with open_cases(store) as data:
-        names = [str(name) for name, each in data.data_vars.items() if "time" in each.dims]
+        names = [name for name, each in variables_of(data).items() if "time" in each.dims]
         if not names:
             return []
         damages = [f"{detector}.damage" for detector in find_all(data, "detector")]

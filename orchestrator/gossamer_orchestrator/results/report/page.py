@@ -16,10 +16,10 @@ from gossamer_files.charts import Chart, section
 from ...errors import ResultsError, require
 from ...pages import PAGE, Page, folded, on_page, table, write_page, written
 from ...words import counted, recorded
-from ..dataset import find_all
+from ..dataset import effort_of, find_all, variables_of
 from ..files import MESSAGES
 from ..judgements import Judgement, window_table
-from ..readers import Recorded, curve_of, over_time
+from ..readers import Recorded, over_time
 from ..verdict import make_verdict
 from .damage import DamageHistory, doubt_charts, history_charts, zone_charts
 from .membrane import membrane_charts
@@ -103,14 +103,15 @@ def _others(run: Recorded) -> tuple[list[Chart], dict[str, float]]:
         hidden |= {f"{name}.{what}" for name in find_all(run.data, "detector") for what in ("similarity", "misfit")}
     units: dict[str, list[str]] = {}
     constant: dict[str, float] = {}
-    for name in (str(name) for name, each in run.data.data_vars.items() if each.dims == ("time",)):
-        if name in run.drawn | hidden:
+    hidden |= run.drawn
+    for name, each in variables_of(run.data).items():
+        if each.dims != ("time",) or name in hidden:
             continue
-        values = run.thin(curve_of(name))
-        if np.ptp(values) == 0.0:
-            constant[name] = float(values[0])
+        parts = [each[rows].to_numpy() for rows in run.pixels.parts()]
+        if all((part == parts[0][0]).all() for part in parts):
+            constant[name] = float(parts[0][0])
         else:
-            units.setdefault(run.data[name].attrs.get("units", ""), []).append(name)
+            units.setdefault(each.attrs.get("units", ""), []).append(name)
     charts = []
     for unit, names in units.items():
         few = names[:OTHERS]
@@ -122,7 +123,7 @@ def _others(run: Recorded) -> tuple[list[Chart], dict[str, float]]:
 
 def _constants(data: xr.Dataset, values: dict[str, float]) -> str:
     """Return a table of recorded variables that never changed."""
-    rows = [(name, f"{value:.9g}", data[name].attrs.get("units", "")) for name, value in values.items()]
+    rows = [(name, f"{value:.9g}", data.variables[name].attrs.get("units", "")) for name, value in values.items()]
     inner = table(("variable", "value", "unit"), rows, "Constant during the run")
     return folded(f"Constant: {counted(len(values), 'recorded variable')}", inner) if values else ""
 
@@ -141,7 +142,7 @@ def _thinning(run: Recorded) -> str:
 def _run_table(data: xr.Dataset, rows_recorded: int) -> str:
     """Return the table of what happened."""
     known, time = data.attrs, data["time"]
-    scalars = sum(int(np.prod(variable.shape[1:])) for variable in data.data_vars.values())
+    scalars = sum(int(np.prod(variable.shape[1:])) for variable in variables_of(data).values())
     versions = json.loads(known.get("versions", "{}"))
     every, divided = int(known.get("record_every", 1)), int(known.get("divided_steps", 0))
     some = f"; one in {every} is recorded" if every > 1 else ""
@@ -177,8 +178,13 @@ def _components(data: xr.Dataset) -> str:
     fmus = json.loads(data.attrs.get("fmus", "{}"))
     if not fmus:
         return "<p>The results do not say which FMUs made them.</p>"
-    rows = [(name, each.get("file", ""), each.get("model", "")) for name, each in fmus.items()]
-    parts = [table(("component", "file", "model"), rows, "Components")]
+    effort = effort_of(data)
+    rows = [
+        (name, each.get("file", ""), each.get("model", ""), *(f"{value:g}" for value in effort.get(name, {}).values()))
+        for name, each in fmus.items()
+    ]
+    more = ("time [s]", "steps refused", "states restored") if effort else ()
+    parts = [table(("component", "file", "model", *more), rows, "Components")]
     for name, each in fmus.items():
         start, values, units = (each.get(what, {}) for what in ("start", "parameters", "units"))
         lines = [(v, f"{x:.9g}", units.get(v, ""), "scenario" if v in start else "FMU") for v, x in values.items()]

@@ -1,0 +1,60 @@
+"""Results of very many variables: what is done for them grows with their number, not with its square."""
+
+from __future__ import annotations
+
+import cProfile
+import pstats
+
+import numpy as np
+import pytest
+import xarray as xr
+from gossamer_orchestrator.results.dataset import RecordedScalar, arrange
+from gossamer_orchestrator.results.files import load_results, save_csv
+from gossamer_orchestrator.results.netcdf import GrowingFile, make_file
+from gossamer_orchestrator.results.report import run_page
+from scipy.io import netcdf_file
+
+
+def scalars(count):
+    return [RecordedScalar(f"a.y_{k}", "m", f"output {k}", "wide") for k in range(count)]
+
+
+def write(folder, columns, **more):
+    header, layout = make_file(columns, {"schema": "gossamer.results", "version": 1, "step": 0.1, "title": "Größe", **more})
+    path = folder / "results.nc"
+    path.write_bytes(header)
+    file = GrowingFile(path, layout)
+    file.append(np.column_stack([np.arange(3.0), *(np.arange(3.0) + k for k in range(len(columns)))]))
+    file.end("complete", 1.5, 2)
+    return path
+
+
+def calls_of(work):
+    """Return how many functions a piece of work calls."""
+    profile = cProfile.Profile()
+    profile.runcall(work)
+    return pstats.Stats(profile).total_calls
+
+
+@pytest.mark.parametrize("what", ["write", "csv", "page"])
+def test_twice_as_many_variables_take_twice_as_many_calls(tmp_path, what):
+    def work(count):
+        if what == "write":
+            return lambda: write(tmp_path, scalars(count))
+        data = load_results(write(tmp_path, scalars(count)))
+        return (lambda: save_csv(data, tmp_path)) if what == "csv" else (lambda: run_page(data, tmp_path))
+
+    work(10)()  # what is imported once
+    few, many, most = (calls_of(work(count)) for count in (300, 600, 1200))
+    assert most - many < 2.2 * (many - few)
+
+
+def test_another_reader_finds_what_was_written(tmp_path):
+    columns = [*scalars(2), *(RecordedScalar(f"b.w[{i},2]", "Pa", "", "grid") for i in (1, 2))]
+    path = write(tmp_path, columns, scenario="")
+    with netcdf_file(path, mmap=False) as file:
+        assert (file.title.decode(), file.version, file.ended.rstrip(b"\0")) == ("Größe", 1, b"complete")
+        assert file.variables["b.w"][:].tolist() == [[[2.0], [3.0]], [[3.0], [4.0]], [[4.0], [5.0]]]
+    table = np.arange(3.0)[:, None] + np.arange(4.0)
+    with xr.open_dataset(path, engine="scipy") as data:
+        assert arrange(np.arange(3.0), table, columns).identical(data.load().drop_attrs(deep=False))
