@@ -220,7 +220,10 @@ class GrowingFile:
     def end(
         self, ended: str, wall_time: float, counts: Sequence[int] = (0, 0), effort: Mapping[str, Any] | None = None
     ) -> None:
-        """Write how the run ended and what its components took, and put all on the disk; counts: rows with numbers that are not finite, steps divided."""
+        """Write how the run ended and what its components took, and make sure that everything is on the disk.
+
+        ``counts`` are how many values were not finite, and how many steps were divided.
+        """
         text, spent = ended.encode()[:_ROOM].decode(errors="ignore").encode(), json.dumps(effort or {}).encode()
         places = self.layout.places
         room = places["wall_time"] - places["effort"] - len(_name("wall_time")) - 8

@@ -25,7 +25,7 @@ def write(folder, columns, **more):
     path.write_bytes(header)
     file = GrowingFile(path, layout)
     file.append(np.column_stack([np.arange(3.0), *(np.arange(3.0) + k for k in range(len(columns)))]))
-    file.end("complete", 1.5, 2)
+    file.end("complete", 1.5, (0, 2))
     return path
 
 
