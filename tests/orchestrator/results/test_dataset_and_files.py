@@ -11,6 +11,7 @@ import xarray as xr
 from building import build_fmu
 from gossamer_orchestrator import ProgressBar, ResultsError, ScenarioError, load_results, parse_scenario, run_scenario
 from gossamer_orchestrator.results.dataset import RecordedScalar, arrange
+from gossamer_orchestrator.results.files import UNFINISHED_WATCH
 from rich.console import Console
 from sails import sail_model
 from saving import save_results
@@ -27,13 +28,13 @@ def test_netcdf_and_csv_give_back_what_was_recorded(chain, fmus, tmp_path):
 
 
 def test_what_the_twin_saw_of_an_earlier_run_goes_with_its_results(chain, fmus, tmp_path):
-    """An observer writes the file, as the twin does that watches a run."""
+    """An observer writes a file that becomes the watch with the results, as the twin does that watches a run."""
     watch, fit = tmp_path / "watch.json", [tmp_path / "twin.json", tmp_path / "twin/report.html"]
     (tmp_path / "twin").mkdir()
     for path in fit:
         path.touch()
     for _ in range(2):
-        run_scenario(chain(), fmus, tmp_path, observers=[KeepStates(watch)])
+        run_scenario(chain(), fmus, tmp_path, observers=[KeepStates(tmp_path / UNFINISHED_WATCH)])
         assert watch.is_file()
     with pytest.raises(ScenarioError):
         run_scenario(chain(), fmus / "nowhere", tmp_path)
