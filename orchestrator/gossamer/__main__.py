@@ -8,16 +8,30 @@ import os
 import signal
 import sys
 from contextlib import suppress
+from types import FrameType
 
 INTERRUPTED = 130  # exit code
+LATER = 0.003  # [s]
+
+
+def interrupt(number: int, frame: FrameType | None) -> None:
+    """Raise ``KeyboardInterrupt``, but later inside CasADi: its C++ calls Python, and loses exceptions, or crashes."""
+    there = frame
+    while there is not None and hasattr(signal, "setitimer"):
+        if there.f_code.co_filename.endswith("casadi.py"):
+            signal.signal(signal.SIGALRM, interrupt)
+            signal.setitimer(signal.ITIMER_REAL, LATER)
+            return
+        there = there.f_back
+    signal.default_int_handler(number, frame)
 
 
 def main() -> None:
     """Run the command line; exit with its code."""
-    for name in ("SIGTERM", "SIGHUP"):
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
         number = getattr(signal, name, None)
-        if number is not None and signal.getsignal(number) == signal.SIG_DFL:  # not under nohup
-            signal.signal(number, signal.default_int_handler)
+        if number is not None and signal.getsignal(number) != signal.SIG_IGN:  # not under nohup
+            signal.signal(number, interrupt)
     try:
         from .cli import main as command_line
 
@@ -28,7 +42,7 @@ def main() -> None:
     except KeyboardInterrupt:  # before the command began, or again while it ended
         with suppress(KeyboardInterrupt):
             print("Interrupted.", file=sys.stderr)
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGALRM", signal.SIGTERM)):
         signal.signal(number, signal.SIG_IGN)
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError):
