@@ -12,6 +12,7 @@ from types import FrameType
 
 INTERRUPTED = 130  # exit code
 LATER = 0.003  # [s]
+ENDING = ("SIGINT", "SIGTERM", "SIGHUP")
 
 
 def interrupt(number: int, frame: FrameType | None) -> None:
@@ -28,7 +29,7 @@ def interrupt(number: int, frame: FrameType | None) -> None:
 
 def main() -> None:
     """Run the command line; exit with its code."""
-    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+    for name in ENDING:
         number = getattr(signal, name, None)
         if number is not None and signal.getsignal(number) != signal.SIG_IGN:  # not under nohup
             signal.signal(number, interrupt)
@@ -37,17 +38,23 @@ def main() -> None:
 
         command_line()
     except SystemExit as end:
+        ignore()
         if end.code != INTERRUPTED:
             raise
     except KeyboardInterrupt:  # before the command began, or again while it ended
-        with suppress(KeyboardInterrupt):
-            print("Interrupted.", file=sys.stderr)
-    for number in (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGALRM", signal.SIGTERM)):
-        signal.signal(number, signal.SIG_IGN)
+        ignore()
+        print("Interrupted.", file=sys.stderr)
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError):
             stream.flush()
     os._exit(INTERRUPTED)
+
+
+def ignore() -> None:
+    """Take no more signals: the command has ended."""
+    for name in ("SIGALRM", *ENDING):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
 
 
 if __name__ == "__main__":
