@@ -50,7 +50,7 @@ def _number(path: Path) -> tuple[int, int] | None:
     """Return what a file or a folder has, whatever its name is; None if it is not there."""
     try:
         found = path.stat()
-    except (OSError, ValueError):
+    except (FileNotFoundError, NotADirectoryError, PermissionError, ValueError):  # what no system has is an error
         return None
     return found.st_dev, found.st_ino
 

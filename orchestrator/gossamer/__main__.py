@@ -8,32 +8,53 @@ import os
 import signal
 import sys
 from contextlib import suppress
+from types import FrameType
 
 INTERRUPTED = 130  # exit code
+LATER = 0.003  # [s]
+ENDING = ("SIGINT", "SIGTERM", "SIGHUP")
+
+
+def interrupt(number: int, frame: FrameType | None) -> None:
+    """Raise ``KeyboardInterrupt``, but later inside CasADi: its C++ calls Python, and loses exceptions, or crashes."""
+    there = frame
+    while there is not None and hasattr(signal, "setitimer"):
+        if there.f_code.co_filename.endswith("casadi.py"):
+            signal.signal(signal.SIGALRM, interrupt)
+            signal.setitimer(signal.ITIMER_REAL, LATER)
+            return
+        there = there.f_back
+    signal.default_int_handler(number, frame)
 
 
 def main() -> None:
     """Run the command line; exit with its code."""
-    for name in ("SIGTERM", "SIGHUP"):
+    for name in ENDING:
         number = getattr(signal, name, None)
-        if number is not None and signal.getsignal(number) == signal.SIG_DFL:  # not under nohup
-            signal.signal(number, signal.default_int_handler)
+        if number is not None and signal.getsignal(number) != signal.SIG_IGN:  # not under nohup
+            signal.signal(number, interrupt)
     try:
         from .cli import main as command_line
 
         command_line()
     except SystemExit as end:
+        ignore()
         if end.code != INTERRUPTED:
             raise
     except KeyboardInterrupt:  # before the command began, or again while it ended
-        with suppress(KeyboardInterrupt):
-            print("Interrupted.", file=sys.stderr)
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)
+        ignore()
+        print("Interrupted.", file=sys.stderr)
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError):
             stream.flush()
     os._exit(INTERRUPTED)
+
+
+def ignore() -> None:
+    """Take no more signals: the command has ended."""
+    for name in ("SIGALRM", *ENDING):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
 
 
 if __name__ == "__main__":

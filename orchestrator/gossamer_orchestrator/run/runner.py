@@ -129,7 +129,7 @@ def run_scenario(
             resume=resume,
             observers=_pickled(observers),
         )
-        begun = time.perf_counter()
+        begun, watched = time.perf_counter(), _written(folder / files.WATCH)
         process = stack.enter_context(Process(task))
         import xarray  # noqa: F401 (takes a second, while the other process starts)
 
@@ -137,7 +137,7 @@ def run_scenario(
         process.end()
         error = process.error
         try:
-            last, path = _settle(process, folder, temporary, time.perf_counter() - begun)
+            last, path = _settle(process, folder, temporary, time.perf_counter() - begun, watched)
             replaced = last is not None and path.name == files.NETCDF
             if replaced:
                 messages.save(folder)
@@ -161,7 +161,12 @@ def run_scenario(
         return data.load() if out is None else data
 
 
-def _settle(process: Process, folder: Path, temporary: Path, wall_time: float) -> tuple[float | None, Path]:
+def _written(path: Path) -> int:
+    """Return when a file was written [ns]; 0 if it is not there."""
+    return path.stat().st_mtime_ns if path.is_file() else 0
+
+
+def _settle(process: Process, folder: Path, temporary: Path, wall_time: float, watched: int) -> tuple[float | None, Path]:
     """Finish the netCDF file; return the time of its last row, None without any, and where it is.
 
     It takes the place of earlier results, but for those of a complete run if this one is not.
@@ -188,7 +193,7 @@ def _settle(process: Process, folder: Path, temporary: Path, wall_time: float) -
     if full or (error is not None and files.has_complete(folder)):
         return last, path
     with uninterrupted(), writing(folder, ResultsError):
-        _remove_earlier(folder)
+        _remove_earlier(folder, watched)
         path = path.replace(folder / files.NETCDF)
         settle_shapes(folder, kept=True)
         if (folder / files.UNFINISHED_WATCH).is_file():
@@ -196,14 +201,18 @@ def _settle(process: Process, folder: Path, temporary: Path, wall_time: float) -
     return last, path
 
 
-def _remove_earlier(folder: Path) -> None:
-    """Remove what was made of earlier results, so that a folder has files of one run at any moment."""
+def _remove_earlier(folder: Path, watched: int) -> None:
+    """Remove what was made of earlier results, so that a folder has files of one run at any moment.
+
+    An observer of this run may have written ``watch.json`` since it was ``watched``.
+    """
     from ..pages import PAGE
     from ..results.report.pictures import remove_drawn
 
     if (folder / files.NETCDF).is_file():
         remove_drawn(folder)
-    for name in (files.CSV, files.MESSAGES, SHAPES, files.WATCH, files.TWIN):
+    watch = [files.WATCH] if _written(folder / files.WATCH) == watched else []
+    for name in (files.CSV, files.MESSAGES, SHAPES, files.TWIN, *watch):
         (folder / name).unlink(missing_ok=True)
         (folder / Path(name).stem / PAGE).unlink(missing_ok=True)  # of the twin
 

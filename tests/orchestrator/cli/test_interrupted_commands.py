@@ -15,6 +15,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import invoke
+from gossamer.__main__ import interrupt
+from gossamer_orchestrator import load_results
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="sends signals as POSIX has them")
 
@@ -58,6 +60,25 @@ def kinds(folder):
     return {any(name.startswith("sources/") for name in names) for names in members}, len(members)
 
 
+def test_an_interrupt_waits_until_casadi_has_returned():
+    """Its C++ calls Python, where an exception was lost, or ended the program with a traceback."""
+    before, reached = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGALRM)}, []
+    text = "signal.raise_signal(signal.SIGINT)\nreached.append('inside')"
+
+    def work():
+        exec(compile(text, "casadi/casadi.py", "exec"), {"signal": signal, "reached": reached})
+        time.sleep(60.0)
+
+    signal.signal(signal.SIGINT, interrupt)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            work()
+    finally:
+        for each, handler in before.items():
+            signal.signal(each, handler)
+    assert reached == ["inside"]
+
+
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_command_that_is_interrupted_says_so_and_leaves_no_mixture(prepared, tmp_path, kills, name):
     """By one signal or by two, some time after its begin; it may also have ended before."""
@@ -83,7 +104,9 @@ def test_a_command_that_is_interrupted_says_so_and_leaves_no_mixture(prepared, t
         assert "Traceback" not in text
         assert process.returncode == 0 or "nterrupted" in text or "Results until" in text, text
         assert kinds(folder / "out") in (({True}, 2), ({False}, 2))
-        if name != "run" or process.returncode:
+        if name == "run":  # of this one if it was interrupted while it drew
+            assert load_results(folder / "results/results.nc").attrs["ended"] == "complete"
+        else:
             assert (folder / "results/results.nc").read_bytes() == before
         page = folder / "results/report.html"
         assert not page.is_file() or page.read_text(encoding="utf-8").rstrip().endswith("</html>")
