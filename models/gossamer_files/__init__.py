@@ -78,11 +78,20 @@ def replacing(path: Path) -> Iterator[Path]:
         unfinished.unlink(missing_ok=True)
 
 
+def ending_signals() -> list[signal.Signals]:
+    """List the signals of this system that ask this program to end.
+
+    Under nohup SIGHUP does not. SIGINT does, though a shell lets what runs in its background ignore it.
+    """
+    there = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    return [number for number in there if number == signal.SIGINT or signal.getsignal(number) != signal.SIG_IGN]
+
+
 @contextmanager
 def uninterrupted() -> Iterator[None]:
     """Let a signal that asks for the end wait for that of the ``with`` block: several files change together in it."""
     held: list[tuple[int, FrameType | None]] = []
-    numbers = [signal.SIGINT, signal.SIGTERM] if threading.current_thread() is threading.main_thread() else []
+    numbers = ending_signals() if threading.current_thread() is threading.main_thread() else []
     handlers = {number: handler for number in numbers if callable(handler := signal.getsignal(number))}
     try:
         for number in handlers:

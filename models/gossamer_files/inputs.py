@@ -47,7 +47,7 @@ def keep(*paths: AnyPath) -> None:
 
 
 def _number(path: Path) -> tuple[int, int] | None:
-    """Return what a file or a folder has, whatever its name is; None if it is not there."""
+    """Return device and number of a file or a folder; None if it is not there."""
     try:
         found = path.stat()
     except (FileNotFoundError, NotADirectoryError, PermissionError, ValueError):  # what no system has is an error
@@ -61,7 +61,7 @@ def check_outputs(outputs: Iterable[AnyPath | None]) -> None:
     Raises
     ------
     OverwriteError
-        One of them is.
+        An output is an input.
     """
     read = _read.get() or {}
     for output in [Path(each) for each in outputs if each is not None] if read else ():

@@ -10,9 +10,10 @@ import sys
 from contextlib import suppress
 from types import FrameType
 
+from gossamer_files import ending_signals
+
 INTERRUPTED = 130  # exit code
 LATER = 0.003  # [s]
-ENDING = ("SIGINT", "SIGTERM", "SIGHUP")
 
 
 def interrupt(number: int, frame: FrameType | None) -> None:
@@ -29,20 +30,19 @@ def interrupt(number: int, frame: FrameType | None) -> None:
 
 def main() -> None:
     """Run the command line; exit with its code."""
-    for name in ENDING:
-        number = getattr(signal, name, None)
-        if number is not None and signal.getsignal(number) != signal.SIG_IGN:  # not under nohup
-            signal.signal(number, interrupt)
+    numbers = ending_signals()
+    for number in numbers:
+        signal.signal(number, interrupt)
     try:
         from .cli import main as command_line
 
         command_line()
     except SystemExit as end:
-        ignore()
+        ignore(numbers)
         if end.code != INTERRUPTED:
             raise
     except KeyboardInterrupt:  # before the command began, or again while it ended
-        ignore()
+        ignore(numbers)
         print("Interrupted.", file=sys.stderr)
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError):
@@ -50,11 +50,10 @@ def main() -> None:
     os._exit(INTERRUPTED)
 
 
-def ignore() -> None:
+def ignore(numbers: list[signal.Signals]) -> None:
     """Take no more signals: the command has ended."""
-    for name in ("SIGALRM", *ENDING):
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    for number in (*numbers, *([signal.SIGALRM] if hasattr(signal, "SIGALRM") else [])):
+        signal.signal(number, signal.SIG_IGN)
 
 
 if __name__ == "__main__":

@@ -22,6 +22,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 
 import cyclopts
 from gossamer_files import as_json
+from gossamer_files.inputs import keep, keeping
 from gossamer_files.options import DASHES, STYLE, option
 from gossamer_orchestrator.errors import OrchestratorError
 
@@ -279,11 +280,12 @@ def _value(kind: Any, _hint: Any, tokens: Sequence[cyclopts.Token]) -> Any:  # n
 def _logging(verbose: bool, file: Path | None) -> Iterator[None]:
     """Send log messages to stderr, and to a file if there is one, inside the ``with`` block."""
     root, begun = logging.getLogger(), time.perf_counter()
-    with ExitStack() as ending:
+    with keeping(), ExitStack() as ending:
         for handler in (_Stderr(verbose), *([] if file is None else [_open_log(file)])):
             root.addHandler(handler)
             ending.callback(handler.close)
             ending.callback(root.removeHandler, handler)
+        keep(*([] if file is None else [file]))
         for logger in map(logging.getLogger, OURS):
             ending.callback(logger.setLevel, logger.level)
             logger.setLevel(logging.INFO if verbose or file else logging.WARNING)

@@ -310,8 +310,8 @@ def container(
     """Merge a scenario and its FMUs into one FMU.
 
     Its inputs are those that the scenario gives a value. Its outputs are those that no component receives and those that are
-    recorded. All are named component.variable. Events, gain, bias, noise and dropout are refused, unless
-    they are left behind.
+    recorded. All are named component.variable. Gain and bias are refused, and so are events, noise and dropout unless they
+    are left behind.
 
     Parameters
     ----------

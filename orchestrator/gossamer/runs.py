@@ -85,7 +85,7 @@ class Run(Result):
     def valid(self) -> bool | None:
         """Whether the last judgement of the detector and what the twin saw are valid; None if nothing was judged.
 
-        Nothing is where a component had values that are not finite.
+        False if a component had values that are not finite.
         """
         from gossamer_orchestrator.results.files import is_explained, sees_enough
 

@@ -395,11 +395,11 @@ def reduce(
     kept = Linearised(_structure(setup, mesh), given).modes(modes)
     found = reduce_membrane(kept, [int(k) for k in nodes or ()])
     model = reduced_model(found, frame=frame)
+    result = ReducedMembrane(files=[], result=found, reaches=reaches(found), frame=frame)
     readme = fmu_folder("membrane") / "reduced.md"
     built = build_models(
         {model.name: model}, folder, readme, native=native, fmi=fmi, platforms=tuple(several(platform)), progress=say
     )
-    result = ReducedMembrane(files=[], result=found, reaches=reaches(found), frame=frame)
     values = {str(name): each.to_numpy() for name, each in result.data.variables.items()}
     _save(arrays, matlab, values)
     files = [*built.values(), arrays, matlab]

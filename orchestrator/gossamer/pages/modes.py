@@ -24,7 +24,7 @@ MOST_NUMBERS = 4_000_000  # of all places on a page
 
 
 def modes_page(title: str, modes: Modes, changes: Sensitivities | None, sentence: str, tables: Sequence[TableText]) -> Page:
-    """Describe modes, as far as their shapes find place on a page."""
+    """Describe modes, as many as fit on a page."""
     structure, labels = modes.linearised.structure, [str(k + 1) for k in range(len(modes.squares))]
     content = _moving(structure, modes)
     note = "Each mode moves through a cycle, by 8 % of the size at most. Drag to turn; squares are zones, dots sensors."

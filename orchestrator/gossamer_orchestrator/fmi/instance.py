@@ -23,7 +23,14 @@ from .types import Port, Value
 
 MAX_UPDATES = 1000
 _LAST_TIME, _TERMINATED = 2, 3  # of fmi2StatusKind
+_ROUNDING = 1e-6  # of a value that an FMU keeps in another unit, or in single precision
 _LABELS = ("ok", "warning", "discard", "error", "fatal", "pending")
+
+
+def _same(value: Value, stated: Value) -> bool:
+    if isinstance(value, float) and isinstance(stated, float):
+        return math.isclose(value, stated, rel_tol=_ROUNDING) or repr(value) == repr(stated)
+    return repr(value) == repr(stated)
 
 
 class Instance:
@@ -67,7 +74,7 @@ class Instance:
         self.ended_at: float | None = None
         self.on_end: Callable[[Instance], object] = lambda _: None
         self.restored = 0
-        self._initialized = False
+        self._initialized = self._has_warned = False
         self._next_event = math.inf  # [s]
         self._reached = time  # [s]
         self._written: dict[Port, str] = {}  # inputs whose changes are events, as they were set last
@@ -120,7 +127,7 @@ class Instance:
                 continue
             present = dict(zip(each, port.get(), strict=True))
             stated = dict(zip(each, port.put([values.get(name, present[name]) for name in each]).get(), strict=True))
-            found |= {name: value for name, value in present.items() if repr(value) != repr(stated[name])}
+            found |= {name: value for name, value in present.items() if not _same(value, stated[name])}
         return found
 
     def enter_initialization(self, stop: float) -> None:
@@ -212,7 +219,8 @@ class Instance:
 
     def _worry(self, status: int) -> None:
         """Note that a step returned a warning, unless the FMU has said of what."""
-        if status == WARNING and not self.log.first_warning:
+        if status == WARNING and not self._has_warned:
+            self._has_warned = True
             self.log.add(0, WARNING, b"", b"its step returned a warning without a message")
 
     def _has_ended(self, end: float) -> bool:

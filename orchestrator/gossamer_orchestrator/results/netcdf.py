@@ -74,6 +74,10 @@ def make_file(columns: Sequence[RecordedScalar], attributes: Mapping[str, Any]) 
     header = b"CDF\2" + _integer(0) + _list(_DIMENSION, [_name("time") + _integer(0), *(
         _name(dim) + _integer(len(labels[dim])) for dim in labels
     )])  # fmt: skip
+    at, places = len(header) + len(_attributes(attributes)), dict[str, int]()  # a value may read like a name: no search
+    for name, value in ending.items():
+        places[name] = at + len(_name(name)) + 8
+        at += len(_attributes({name: value})) - len(_attributes({}))
     header += _attributes({**attributes, **ending})
     fixed = [np.array(values, dtype=">i4").tobytes() for values in labels.values()]
     described = [
@@ -94,7 +98,7 @@ def make_file(columns: Sequence[RecordedScalar], attributes: Mapping[str, Any]) 
     begins = begin + np.cumsum([0, *sizes[:-1]])
     header += _list(_VARIABLE, [text + struct.pack(">q", place) for text, place in zip(described, begins, strict=True)])
     header += b"".join(fixed)
-    return header, Layout(len(header), width, cells, {name: _place(header, name) for name in ending})
+    return header, Layout(len(header), width, cells, places)
 
 
 _INTEGER, _CHARACTERS, _DOUBLE = 4, 2, 6  # types of netCDF
@@ -102,7 +106,7 @@ _DIMENSION, _VARIABLE, _ATTRIBUTE = 10, 11, 12  # what a list is of
 
 
 def _integer(value: int) -> bytes:
-    return struct.pack(">I", min(value, 2**32 - 1))  # larger variables are said to be of that size
+    return struct.pack(">I", min(value, 2**32 - 1))  # netCDF caps the size of a variable here
 
 
 def _padded(data: bytes) -> bytes:
@@ -135,12 +139,6 @@ def _variable(name: str, dims: Sequence[int], attributes: Mapping[str, Any], kin
     """Describe a variable, but for its place."""
     places = b"".join(_integer(each) for each in dims)
     return _name(name) + _integer(len(dims)) + places + _attributes(attributes) + _integer(kind) + _integer(size)
-
-
-def _place(header: bytes, name: str) -> int:
-    """Return where the value of an attribute stands, behind its name, type and size."""
-    key = _name(name)
-    return header.index(key) + len(key) + 8
 
 
 class GrowingFile:

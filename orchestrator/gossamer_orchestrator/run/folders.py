@@ -80,7 +80,7 @@ def scratch() -> Iterator[Path]:
         folder = Path(tempfile.mkdtemp(prefix=_PREFIX))
         try:
             handle = _lock(folder)
-        except OSError:  # of an earlier version, which has just swept it
+        except (FileNotFoundError, BlockingIOError):  # of an earlier version, which has just swept it
             continue
         (folder / _MARK).touch()
         break

@@ -311,7 +311,7 @@ class Simulation:
     def _enter_initialization(self, name: str) -> None:
         """Set the start values of a component, and its inputs at the start.
 
-        There are FMUs that overwrite them when they enter their initialization; set again there, they hold.
+        Some FMUs overwrite them when they enter their initialization; set again there, they hold.
         """
         member, start = self.member(name), self.plan.component(name).start
         instance = member.call()

@@ -12,6 +12,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
 
+from gossamer_files import ending_signals
+
 from ..processes import shared_memory
 
 TICK, PART, COMPONENT, CALL, ROWS, FIRST, DIVIDED, STOP, AT_ONCE, RETURNED, NOT_FINITE = range(11)
@@ -51,15 +53,6 @@ def describe(position: Position, seconds: float, names: Sequence[str]) -> tuple[
         return "", ""
     called = " or ".join(names[number : number + max(position[AT_ONCE], 1)])
     return called, f"{_CALLS[call]}{f' t = {seconds:.9g} s' if call == STEP else ''}"
-
-
-def ending_signals() -> list[signal.Signals]:
-    """List the signals of this system that ask this program to end.
-
-    Under nohup SIGHUP does not. SIGINT does, though a shell lets what runs in its background ignore it.
-    """
-    there = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
-    return [number for number in there if number == signal.SIGINT or signal.getsignal(number) != signal.SIG_IGN]
 
 
 @contextmanager

@@ -30,11 +30,11 @@ from numpy.typing import NDArray
 from ..errors import ResultsError, ScenarioError, require, writing
 from ..processes import shared_memory
 from ..results.dataset import attributes, plan_columns
-from ..results.files import NETCDF, RESUME, UNFINISHED_NETCDF, has_rows
+from ..results.files import NETCDF, RESUME, UNFINISHED_NETCDF, UNFINISHED_WATCH, has_rows
 from ..results.netcdf import GrowingFile, Layout, make_file
 from ..scenario.plan import Plan
 from .master import Simulation
-from .position import DIVIDED, FIRST, ROWS
+from .position import DIVIDED, FIRST, NOT_FINITE, ROWS
 from .recorder import Recorder
 from .steps import ControlledSteps
 
@@ -72,6 +72,7 @@ def save_checkpoint(path: Path, simulation: Simulation, rows: int, digest: dict[
         "tick": simulation.tick,
         "rows": rows,
         "divided": simulation.divided,
+        "not_finite": int(simulation.position[NOT_FINITE]),
         "exact": [value.hex() if isinstance(value, bytes) else value for value in simulation.store.exact],
     }
     arrays: dict[str, Any] = {"card": np.array(json.dumps(card)), "values": simulation.values}
@@ -144,6 +145,7 @@ def restore_checkpoint(simulation: Simulation, card: dict[str, Any], arrays: dic
         simulation.control.size = int(arrays["size"])
         simulation.control.peaks = arrays["peaks"]
     simulation.tick, simulation.divided = card["tick"], card["divided"]
+    simulation.position[NOT_FINITE] = card["not_finite"]
 
 
 logger = logging.getLogger(__name__)
@@ -226,7 +228,8 @@ class Stream:
             if (self._folder / RESUME).is_file() or (path.is_file() and has_rows(path)):
                 text = f"the unfinished run in %s is replaced by this one. {option('resume', True)} continues a run"
                 logger.warning(text, self._folder)
-            (self._folder / RESUME).unlink(missing_ok=True)
+            for name in (RESUME, UNFINISHED_WATCH):
+                (self._folder / name).unlink(missing_ok=True)
             with writing(path, ResultsError):
                 path.write_bytes(header)
             self._file = GrowingFile(path, layout)

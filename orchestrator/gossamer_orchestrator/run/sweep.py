@@ -29,6 +29,7 @@ from ..errors import ResultsError, ScenarioError, require, writing
 from ..results.files import NETCDF, is_finished, load_results, make_folder
 from ..scenario.schema import Given
 from ..scenario.values import read_changes
+from ..words import counted
 from .folders import locked
 
 MOST_CASES = 100_000
@@ -203,7 +204,8 @@ def _ended(folder: Path) -> str:
     """Return how the last run into a folder ended; empty without one."""
     try:
         with load_results(folder) as data:
-            return str(data.attrs.get("ended", ""))
+            ended, count = str(data.attrs.get("ended", "")), int(data.attrs.get("not_finite", 0))
+            return f"not valid: {counted(count, 'component')} had values that are not finite" if count else ended
     except ResultsError:
         return ""
 

@@ -13,6 +13,7 @@ References
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -110,7 +111,8 @@ def _worst(subject: Subject, experiment: Experiment) -> tuple[float, str]:
     begin, stimuli = (time[:0], Columns()) if experiment.stimuli is None else _table(experiment.stimuli, subject)
     by_name = {v.name: v for v in subject.variables}
     start = time[0] if experiment.start is None else experiment.start
-    size = experiment.size or float(getattr(subject.description.defaultExperiment, "stepSize", None) or np.diff(time).min())
+    usual = getattr(subject.description.defaultExperiment, "stepSize", None)
+    size = experiment.size if experiment.size and experiment.size > 0.0 else float(usual or np.diff(time).min())
     steps = min(round((time[-1] - start) / size), _MOST_STEPS)
 
     def excite(one: InstanceUnderTest, at: float) -> None:
@@ -125,7 +127,7 @@ def _worst(subject: Subject, experiment: Experiment) -> tuple[float, str]:
         for name, value in _parameters(experiment.parameters):
             if by_name[name].type in REALS:
                 one.set(by_name[name], [value])
-        one.initialize(lambda: excite(one, float(start)))
+        one.initialize(lambda: excite(one, float(start)), float(start))
         for k in range(steps + 1):
             if k and not one.ended:
                 excite(one, float(start + (k - 1) * size))
@@ -137,7 +139,10 @@ def _worst(subject: Subject, experiment: Experiment) -> tuple[float, str]:
                 break
     worst, text = 0.0, ""
     places = [(i, round((t - start) / size)) for i, t in enumerate(time)]
-    shared = [(i, k) for i, k in places if k < len(times) and abs(times[k] - time[i]) < 1e-6 * size]
+    shared = [(i, k) for i, k in places if 0 <= k < len(times) and abs(times[k] - time[i]) < 1e-6 * size]
+    if not expected or len(shared) < time.size:
+        rows = f"{len(shared)} of {time.size} rows of its results, with {len(expected)} columns of Reals"
+        return math.inf, f"{experiment.name}: {rows}, were reached in {len(times)} steps of {size:.9g} s."
     for name, wanted in expected.items():
         a, b = np.array([wanted[i] for i, _ in shared]), np.array([found[name][k] for _, k in shared])
         errors = (abs(a - b) / (np.abs(wanted).max(initial=0.0) or 1.0)).max(axis=1, initial=0.0)

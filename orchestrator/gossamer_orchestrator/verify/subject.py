@@ -146,13 +146,14 @@ class InstanceUnderTest:
         slave = subject.calls.make(start_slave, subject.description, subject.folder, "verified", subject.log, token=token)
         self.slave: Any = _Counted(slave, subject.calls)
 
-    def initialize(self, inside: Callable[[], object] = lambda: None) -> None:
-        """Go through the initialization, with what is to be done inside it."""
+    def initialize(self, inside: Callable[[], object] = lambda: None, start: float | None = None) -> None:
+        """Go through the initialization, with what is to be done inside it, from a time [s]; None for the default one."""
+        start = self.subject.start if start is None else start
         if self.subject.version == 2:
-            self.slave.setupExperiment(startTime=self.subject.start)
+            self.slave.setupExperiment(startTime=start)
             self.slave.enterInitializationMode()
         else:
-            self.slave.enterInitializationMode(startTime=self.subject.start)
+            self.slave.enterInitializationMode(startTime=start)
         inside()
         self.slave.exitInitializationMode()
 

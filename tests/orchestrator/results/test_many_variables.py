@@ -58,3 +58,12 @@ def test_another_reader_finds_what_was_written(tmp_path):
     table = np.arange(3.0)[:, None] + np.arange(4.0)
     with xr.open_dataset(path, engine="scipy") as data:
         assert arrange(np.arange(3.0), table, columns).identical(data.load().drop_attrs(deep=False))
+
+
+@pytest.mark.parametrize("word", ["ended", "effort", "not_finite", "wall_time"])
+def test_a_title_that_reads_like_an_attribute_harms_no_results(tmp_path, word):
+    """The places of what is written at the end are known, not searched for."""
+    path = write(tmp_path, scalars(1), title=word, scenario=word)
+    with xr.open_dataset(path, engine="scipy", decode_times=False) as data:
+        assert (data.attrs["title"], data.attrs["scenario"], data.attrs["ended"]) == (word, word, "complete")
+        assert data.attrs["divided_steps"] == 2
