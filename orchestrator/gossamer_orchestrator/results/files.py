@@ -167,7 +167,7 @@ def is_finished(ended: str) -> bool:
 
 
 def has_complete(folder: Path) -> bool:
-    """Tell whether a folder has results that nothing but complete ones may replace; a file that cannot be read counts as complete."""
+    """Tell whether a folder has results that nothing but complete ones may replace; a file that cannot be read has."""
     if not (folder / NETCDF).is_file():
         return False
     try:
