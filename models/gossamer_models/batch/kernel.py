@@ -8,7 +8,7 @@ import hashlib
 import platform
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -128,9 +128,11 @@ class Kernel:
             return
         interrupt = None
         with ThreadPoolExecutor(threads) as pool:
-            working = [pool.submit(work) for _ in range(threads)]
-            while not all(each.done() for each in working):
+            working: list[Future[None]] = []
+            while len(working) < threads or not all(each.done() for each in working):
                 try:
+                    while len(working) < threads:
+                        working.append(pool.submit(work))
                     wait(working)
                 except KeyboardInterrupt as error:
                     interrupt = error
@@ -138,6 +140,8 @@ class Kernel:
                         pass
         if interrupt is not None:
             raise interrupt
+        for each in working:
+            each.result()  # an error of its own
 
 
 def _at(array: Cube) -> ctypes._Pointer[ctypes.c_double]:

@@ -31,6 +31,7 @@ from ..variables import Results, Values, by_name, input_, output, parameter, sel
 DAY = 86400.0  # [s]
 LOWEST, HIGHEST = 0.5, 2.0  # [1] a gain beyond is a broken sensor; an offset is no more than the rise to full scale
 MOST = (0.5, 1.0)  # [1] deviations of gain and offset, however long nothing is known
+SMALLEST = 1e-300  # [1] variance that is none
 FAULT = 5.0  # standard deviations by which a reading at a known strain may miss; one that misses by more tells nothing
 
 KNOWN = (
@@ -72,7 +73,7 @@ class Age:
     def drift(self, variance: ca.MX) -> Age:
         """Let both wander by variances [1], shape (2,), and stay bounded."""
         P = self.P + ca.diag(variance)
-        D = ca.diag(ca.fmin(1.0, ca.DM(MOST) / ca.sqrt(ca.fmax(ca.diag(P), 1e-300))))
+        D = ca.diag(ca.fmin(1.0, ca.DM(MOST) / ca.sqrt(ca.fmax(ca.diag(P), SMALLEST))))
         return Age(self.mean, ca.mtimes([D, P, D]))
 
     def learn(self, m: ca.MX, y: ca.MX, r: ca.MX) -> Age:
@@ -133,7 +134,8 @@ def with_ageing(inner: StepModel, artifact: SensorArtifact) -> StepModel:
         return ca.vertcat(*(getattr(values, v.name) for v in rows[of]))
 
     def results(y: ca.MX, age: Age, p: Values) -> Results:
-        change, deviation = p.full_scale_resistance_change, ca.sqrt(ca.fmax(ca.diag(age.P), 0.0))
+        change, P = p.full_scale_resistance_change, ca.diag(age.P)
+        deviation = ca.if_else(P > SMALLEST, ca.sqrt(ca.fmax(P, SMALLEST)), 0.0)  # with a derivative everywhere
         own = (age.mean[0], deviation[0], change * age.mean[1], change * deviation[1])
         return vars(by_name(rows["output"], y)) | {v.name: value for v, value in zip(OUTPUTS, own, strict=True)}
 
@@ -153,8 +155,9 @@ def with_ageing(inner: StepModel, artifact: SensorArtifact) -> StepModel:
         present, width = getattr(strain, "present_strain", strain.strain), getattr(strain, "strain_deviation", 0.0)
         s, width = present / p.full_scale_strain, width / p.full_scale_strain
         followed = ca.fmax(s - width, ca.fmin(s + width, x.sensor.s))
-        told = u.known > 0.5
-        s = ca.if_else(told, u.known_strain / p.full_scale_strain, followed)
+        known_s = u.known_strain / p.full_scale_strain
+        told = ca.logic_and(u.known > 0.5, ca.logic_and(known_s >= 0.0, known_s <= 1.0))
+        s = ca.if_else(told, known_s, followed)
         sensor = law.advance(x.sensor, clip(s), h)
         wander = ca.vertcat(p.gain_per_day, p.offset_per_day / change) ** 2 * h / DAY
         age = x.age.drift(wander)

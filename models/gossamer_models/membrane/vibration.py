@@ -396,6 +396,8 @@ class Modes:
         known, n = self.linearised, len(self.squares)
         zones, s = known.structure.n_zones, known.structure.n_sensors
         frequency, strain = np.zeros((n, zones)), np.full((n, s, zones), np.nan)
+        if not zones:
+            return Sensitivities(frequency=frequency, strain=strain)
         du = np.eye(known.u.size)[:, [i for i, v in enumerate(known.inputs) if v.name.startswith("damage[")]]
         dq = known.embedded(known.solve_refilled(known.moved(du=du).f))
         further = du, dq, known.swelling(dq)

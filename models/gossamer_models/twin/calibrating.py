@@ -148,6 +148,7 @@ def calibrate(
         if PLACES[0] in map(number_of, names):
             joint = joint.placed(found.point.x, twin.placed)
             found = descend(joint, found.point.x, healthy)
+        unsettled = list[str]()
         for k in range(ROUNDS):
             report(f"fitting, finer mesh {k + 1} of {ROUNDS}")
             finer = joint.corrected(found.point.x, healthy, twin.finer)
@@ -158,9 +159,12 @@ def calibrate(
             moved = found.point.x[healthy] - before_it
             if moved @ found.model.A @ moved < SETTLED:
                 break
+        else:
+            unsettled.append(f"the numbers still move after {ROUNDS} rounds with finer elements. Refine the mesh")
         coarse = [k for k, problem in enumerate(joint.problems, 1) if problem.added is None] if mesh_error else []
         text = "no finer elements were simulated for record {}: what they would change is not known, or nothing"
-        return _told(joint, found, before, twin, [text.format(k) for k in coarse])
+        done = _told(joint, found, before, twin, [text.format(k) for k in coarse])
+        return replace(done, doubts=(*done.doubts, *unsettled))
 
 
 def _told(
