@@ -175,3 +175,6 @@ def test_what_cannot_be_reduced_is_refused_by_name():
     afloat = sheet((Support(group="rim", fixed="z"), Support(group="rim", stiffness=100.0, fixed="xy")))
     with pytest.raises(ParameterError, match="the frame is held by nothing"):
         reduce_membrane(Linearised(afloat).modes(3))
+    sagged = Linearised(sheet(), {"base_acceleration[3]": 9.81}).modes(3)
+    with pytest.raises(ParameterError, match="frame that is not accelerated"):
+        reduce_membrane(sagged)

@@ -12,7 +12,7 @@ roughness turns the axis: of 0.1 mm, random from node to node, by 0.04 degrees w
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -21,6 +21,7 @@ import numpy as np
 from ..arrays import Matrix, Vector
 from ..mistakes import Mistake, raise_any
 from .boundary import members_of
+from .geometry import Geometry
 from .setup import Paraboloid, Setup
 from .surface import Integers, SurfaceMesh
 
@@ -65,22 +66,26 @@ class BestFit:
         return dict(zip(self.drawn.outputs, found, strict=True))
 
 
-def best_fits(setup: Setup, mesh: SurfaceMesh, areas: Vector) -> tuple[BestFit, ...]:
-    """Return what fits each paraboloid of a setup to nodes of a mesh with areas [m2], shape (N,).
+def best_fits(setup: Setup, mesh: SurfaceMesh, measured: Sequence[Geometry]) -> tuple[BestFit, ...]:
+    """Return what fits each paraboloid of a setup to nodes of a mesh, whose blocks are measured.
 
     Raises
     ------
     DescriptionError
         The faces of one are far from it, or do not tell its focal length.
     """
-    found = [_best_fit(mesh, areas, each) for each in setup.surfaces]
+    found = [_best_fit(mesh, measured, each) for each in setup.surfaces]
     raise_any([*_unlike(found, mesh)])
     return tuple(found)
 
 
-def _best_fit(mesh: SurfaceMesh, areas: Vector, drawn: Paraboloid) -> BestFit:
+def _best_fit(mesh: SurfaceMesh, measured: Sequence[Geometry], drawn: Paraboloid) -> BestFit:
     faces = members_of(mesh, drawn.groups)
-    nodes = np.unique(np.concatenate([block.elements[faces[block.faces]].ravel() for block in mesh.blocks]))
+    areas = np.zeros(len(mesh.nodes))
+    for block, found in zip(mesh.blocks, measured, strict=True):
+        mine = faces[block.faces]
+        np.add.at(areas, block.elements[mine], found.node_areas[mine])
+    nodes = np.flatnonzero(areas)
     along = np.array(drawn.axis) / np.linalg.norm(drawn.axis)
     across = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
     across /= np.linalg.norm(across)

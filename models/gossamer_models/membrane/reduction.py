@@ -135,7 +135,7 @@ def reduce_membrane(modes: Modes, nodes: Sequence[int] = ()) -> Reduced:
     Raises
     ------
     ParameterError
-        The mesh has no such node, or no node is held, so that there is no frame to fix.
+        The mesh has no such node, no node is held, so that there is no frame to fix, or the frame is accelerated.
     """
     known = modes.linearised
     structure, count = known.structure, len(known.structure.mesh.nodes)
@@ -146,6 +146,8 @@ def reduce_membrane(modes: Modes, nodes: Sequence[int] = ()) -> Reduced:
     text = "no node is held in all directions, so the frame is held by nothing that carries the membrane. Hold a group so."
     require(len(structure.moving) < count, text)
     kept = [i for i, v in enumerate(known.inputs) if v.name.partition("[")[0] != ACCELERATION]
+    text = f"a reduced membrane begins on a frame that is not accelerated. Leave out {ACCELERATION!r}: it is an input later."
+    require(not np.delete(known.u, kept).any(), text)
     inputs = tuple(known.inputs[i] for i in kept) + _accelerations()
     du = np.hstack([np.eye(known.u.size)[:, kept], np.zeros((known.u.size, 6))])
     moved = known.moved(du=du)

@@ -293,15 +293,13 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
     encloses = members_of(mesh, setup.gas.groups) if setup.gas else np.zeros(mesh.n_faces, dtype=bool)
     rows = np.column_stack([region, zone, *acting, encloses])
     kinds, combination = np.unique(rows, axis=0, return_inverse=True)
-    mass, areas, stiffness = (np.zeros(len(mesh.nodes)) for _ in range(3))
-    normals = np.zeros((len(mesh.nodes), 3))
+    mass, stiffness, normals = np.zeros(len(mesh.nodes)), np.zeros(len(mesh.nodes)), np.zeros((len(mesh.nodes), 3))
     areal = np.array([r.density * r.thickness for r in setup.regions])
     nu = np.array([r.poisson_ratio for r in setup.regions])
     D = np.array([r.youngs_modulus * r.thickness for r in setup.regions]) / (1.0 - nu**2)
     highest = [stiffest(found, nu[region[block.faces]]) for block, found in zip(mesh.blocks, measured, strict=True)]
     for block, found, high in zip(mesh.blocks, measured, highest, strict=True):
         np.add.at(mass, block.elements, found.node_areas * areal[region[block.faces]][:, None])
-        np.add.at(areas, block.elements, found.node_areas)
         np.add.at(stiffness, block.elements, found.node_areas * (high * D[region[block.faces]])[:, None])
         np.add.at(normals, block.elements, found.node_normals)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
@@ -332,7 +330,7 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
             load.name: unit_force(load, mesh, measured) for load in setup.loads if load.kind in ("force", "dead_pressure")
         },
         gauges=tuple(_gauges(setup, mesh, normals)),
-        surfaces=best_fits(setup, mesh, areas),
+        surfaces=best_fits(setup, mesh, measured),
     )
 
 
