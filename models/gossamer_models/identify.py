@@ -206,7 +206,7 @@ def identify_files(
             log.warning("%s: %s", record.name, record.repairs[-1])
     rows = training_stretches(records, train)
     warming = None
-    if not isinstance(settings, FractionalSettings):
+    if not isinstance(settings, FractionalSettings) and not own_scales:  # which would read as an effect of temperature
         warming = fit_warming(records, rows, strain_range(records, full_scale))
     if warming is not None and warming.clear:
         records = tuple(map(warming.at_reference, records))

@@ -87,7 +87,10 @@ MEANINGLESS = {
         "there is light already",
     ),
     "name that is taken": (lambda: Setup(**RIGHT, loads=(Load(name="damage"),)), "that of another variable"),
-    "two of a name": (lambda: Setup(**RIGHT, loads=(Load(name="p"), Load(name="p"))), "2 loads or motions"),
+    "two of a name": (
+        lambda: Setup(**RIGHT, loads=(Load(name="p"), Load(name="p"))),
+        "2 loads, motions or results of surfaces",
+    ),
     "absurd pressure": (lambda: Load(name="p", start=1e9), "'start' is 1e\\+09. Write a number from"),
     "no number": (lambda: replace(FILM, thickness=float("nan")), "'thickness' is nan"),
     "thick": (lambda: replace(FILM, thickness=3.0), "'thickness' is 3. Write a number from 1e-07 to 1"),

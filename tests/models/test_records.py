@@ -60,7 +60,8 @@ def test_identification_says_the_rule_before_it_starts_and_in_the_artifact(tmp_p
             progress=lambda _: said.append(caplog.text),
         )
     rule = "of 3000 samples are fitted, because the records have 3000 together, more than 500"
-    assert all(rule in text for text in said)
+    assert len(said) > 1
+    assert all(rule in text for text in said[1:])  # the first one says that it reads
     assert rule in result.fit.artifact.provenance["repairs of long.csv"]
     assert sum(each.samples for each in result.errors) <= 502
 
