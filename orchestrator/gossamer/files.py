@@ -309,9 +309,9 @@ def container(
 ) -> Path:
     """Merge a scenario and its FMUs into one FMU.
 
-    Its inputs are those that the scenario gives a value. Its outputs are those that no component receives and those that are
-    recorded. All are named component.variable. Gain and bias are refused, and so are events, noise and dropout unless they
-    are left behind.
+    Its inputs are those that the scenario gives a value, and optional ones. Its outputs are those that no component receives
+    and those that are recorded. All are named component.variable. Gain and bias are refused, and so are events, noise and
+    dropout unless they are left behind.
 
     Parameters
     ----------

@@ -2,8 +2,8 @@
 
 The container steps its FMUs one after another in the order of the scenario's master, each with the outputs just computed,
 at the scenario's step: the same numbers as the orchestrator's. Its variables are called ``component.variable``: its
-inputs are those that the scenario gives a value, which is their start value; its outputs are those that no component
-receives and those that are recorded. Parameters are set as in the scenario and not exposed.
+inputs are those that the scenario gives a value, which is their start value, and optional ones; its outputs are those that
+no component receives and those that are recorded. Parameters are set as in the scenario and not exposed.
 
 A host may set inputs before the first step. In FMI 3 a container sets those start values that are not the FMUs' own when
 initialization begins, so a host replaces these in initialization mode, not before.
@@ -180,7 +180,7 @@ def _complete(folder: Path, plan: Plan, fmi: int) -> None:
     names = ", ".join(f"{c.name} ({c.fmu.name})" for c in plan.components)
     root.set("description", f"{plan.scenario.title or plan.scenario.name}: {names}")
     root.set("generationTool", f"Gossamer with {root.get('generationTool')}")
-    units = Units()
+    units, types = Units(), False
     for variable in root.find("ModelVariables"):
         component, _, name = variable.get("name").partition(".")
         if not name:
@@ -191,6 +191,10 @@ def _complete(folder: Path, plan: Plan, fmi: int) -> None:
             variable.set("causality", "output")
         if real is None:
             continue
+        optional = variable.get("causality") == "input" and fmu.is_optional(name)
+        if optional:  # whoever runs the container may leave it out too
+            real.set("declaredType", "optional")
+            types = True
         unit = fmu.unit(name)
         if unit is not None and declare_unit(units, unit, fmu.unit_definition(name)):
             real.set("unit", unit)
@@ -200,6 +204,12 @@ def _complete(folder: Path, plan: Plan, fmi: int) -> None:
                 real.set(key, value)
     if not units.is_empty():
         root.insert(root.index(root.find("LogCategories")), units.element("fmi"))
+    if types:
+        defined = etree.Element("TypeDefinitions")
+        simple = etree.SubElement(defined, "SimpleType" if fmi == 2 else "Float64Type", name="optional")
+        if fmi == 2:
+            etree.SubElement(simple, "Real")
+        root.insert(root.index(root.find("LogCategories")), defined)
     _structure(root, fmi)
     key = "guid" if fmi == 2 else "instantiationToken"
     root.set(key, "")

@@ -148,7 +148,12 @@ def test_a_container_is_a_valid_fmu_with_units_ranges_and_start_values(container
     description = fmpy.read_model_description(str(container))
     variables = {v.name: v for v in description.modelVariables}
     inputs = {v.name: float(v.start) for v in variables.values() if v.causality == "input"}
-    assert inputs == {
+    optional = {name for name, v in variables.items() if v.declaredType is not None and v.declaredType.name == "optional"}
+    assert optional == {
+        *(f"compensator{k}.{name}" for k in range(1, 5) for name in ("known", "known_strain", "temperature")),
+        *(f"sensor{k}.temperature" for k in range(1, 5)),
+    }
+    assert {name: start for name, start in inputs.items() if name not in optional} == {
         "membrane.pressure": 0.0,
         "membrane.base_acceleration": 0.0,
         **{f"membrane.damage[{i}]": 0.4 if i == 1 else 0.0 for i in range(1, 17)},
