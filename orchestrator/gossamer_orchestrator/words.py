@@ -1,8 +1,9 @@
-"""Numbers with their words: counts, durations, and values with what they are uncertain by."""
+"""Numbers with their words: counts, lists, durations, and values with what they are uncertain by."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 MOST_DIGITS = 9  # behind the point
 SMALL = 1e-3  # values below it that are known to its square have a power of ten in common with their deviation
@@ -11,6 +12,11 @@ SMALL = 1e-3  # values below it that are known to its square have a power of ten
 def counted(number: int, thing: str) -> str:
     """Return ``1 window`` or ``2 windows``."""
     return f"{number} {thing}" if number == 1 else f"{number} {thing}s"
+
+
+def first_few(texts: Sequence[str], most: int = 4) -> str:
+    """Return the first texts, and how many more there are."""
+    return ", ".join(texts[:most]) + (f" and {len(texts) - most} more" if len(texts) > most else "")
 
 
 def recorded(variables: int, scalars: int) -> str:

@@ -247,8 +247,7 @@ def _at_reference(record: Record, artifact: SensorArtifact, offset: float, gain:
     warm = artifact.temperature
     if warm is None or record.temperature is None:
         return record
-    dT = record.temperature - warm.reference
-    R = offset + (record.resistance - offset - gain * warm.offset * dT) / (1.0 + warm.gain * dT)
+    R = warm.undone(record.resistance, record.temperature, offset, gain)
     text = f"its resistance is brought to {warm.reference:.1f} K, at which the sensor was identified"
     return replace(record, resistance=R, repairs=(*record.repairs, text))
 

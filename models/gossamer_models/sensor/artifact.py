@@ -211,6 +211,11 @@ class TemperatureEffect:
         finite = np.isfinite(self.gain) and np.isfinite(self.offset)
         require(finite, "the effect of temperature is no finite number. Identify the sensor again.")
 
+    def undone(self, R: Vector, temperature: Vector, rest: float, change: float) -> Vector:
+        """Return resistance [ohm] at temperatures [K], shape (m,), as at the reference, by that at rest and its rise."""
+        dT = temperature - self.reference
+        return rest + (R - rest - change * self.offset * dT) / (1.0 + self.gain * dT)
+
 
 @dataclass(frozen=True, kw_only=True)
 class SensorArtifact:

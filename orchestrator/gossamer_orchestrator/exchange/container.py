@@ -30,6 +30,7 @@ from pyssp_standard.unit import Units
 
 from ..errors import ScenarioError, require, writing
 from ..fmi.archive import check_target
+from ..fmi.file import OPTIONAL
 from ..fmi.slave import collect_errors
 from ..scenario.plan import Plan, make_plan
 from ..scenario.schema import Scenario
@@ -191,9 +192,8 @@ def _complete(folder: Path, plan: Plan, fmi: int) -> None:
             variable.set("causality", "output")
         if real is None:
             continue
-        optional = variable.get("causality") == "input" and fmu.is_optional(name)
-        if optional:  # whoever runs the container may leave it out too
-            real.set("declaredType", "optional")
+        if variable.get("causality") == "input" and fmu.is_optional(name):  # whoever runs the container may leave it out too
+            real.set("declaredType", OPTIONAL)
             types = True
         unit = fmu.unit(name)
         if unit is not None and declare_unit(units, unit, fmu.unit_definition(name)):
@@ -206,7 +206,7 @@ def _complete(folder: Path, plan: Plan, fmi: int) -> None:
         root.insert(root.index(root.find("LogCategories")), units.element("fmi"))
     if types:
         defined = etree.Element("TypeDefinitions")
-        simple = etree.SubElement(defined, "SimpleType" if fmi == 2 else "Float64Type", name="optional")
+        simple = etree.SubElement(defined, "SimpleType" if fmi == 2 else "Float64Type", name=OPTIONAL)
         if fmi == 2:
             etree.SubElement(simple, "Real")
         root.insert(root.index(root.find("LogCategories")), defined)

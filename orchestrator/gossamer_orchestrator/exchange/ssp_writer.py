@@ -34,6 +34,7 @@ from ..scenario import schema
 from ..scenario.plan import ComponentPlan, Plan, make_plan
 from ..scenario.schema import Scenario
 from ..scenario.source import Problems
+from ..words import first_few
 from .ssp_files import ANNOTATION, KEPT, STRUCTURE
 
 logger = logging.getLogger(__name__)
@@ -222,7 +223,6 @@ def inexpressible(scenario: Scenario, what: str, keys: Mapping[str, float | None
     return problems
 
 
-_MOST_NAMED = 4
 LEFT = ("noise", "dropout", "events")
 
 
@@ -240,8 +240,7 @@ def leave_behind(scenario: Scenario, kinds: Collection[str]) -> Scenario:
     left += [f"event at {event.time:g} s" for event in scenario.events if "events" in kinds]
     if not left:
         return scenario
-    more = f" and {len(left) - _MOST_NAMED} more" if len(left) > _MOST_NAMED else ""
-    logger.warning("%s: this stays behind: %s%s", scenario.source.name, ", ".join(left[:_MOST_NAMED]), more)
+    logger.warning("%s: this stays behind: %s", scenario.source.name, first_few(left))
     gone = dict.fromkeys(set(kinds) - {"events"})
     kept = [c.model_copy(update=gone) for c in scenario.connections]
     return scenario.model_copy(update={"connections": kept, "events": [] if "events" in kinds else scenario.events})

@@ -23,6 +23,8 @@ from ..names import split_indices
 from .archive import check_archive, unpack
 from .types import SAME, TEXTS, parse
 
+OPTIONAL = "optional"  # declared type of inputs that may stay at their start values
+
 
 class FmuFile:
     """One FMU on disk, FMI 2.0 or 3.0, shared by all its instances; for co-simulation, or else for model exchange.
@@ -147,9 +149,9 @@ class FmuFile:
         return bool(getattr(self.variables[name].declaredType, "relativeQuantity", False))
 
     def is_optional(self, name: str) -> bool:
-        """Tell whether an input may stay at its start value: its declared type has the name ``optional``."""
+        """Tell whether an input may stay at its start value: its declared type is ``OPTIONAL``."""
         declared = self.variables[name].declaredType
-        return declared is not None and declared.name == "optional"
+        return declared is not None and declared.name == OPTIONAL
 
     def feedthrough(self) -> dict[str, list[str]]:
         """List, for each output, the inputs it depends on at the same instant; undeclared means all of them."""

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from ..errors import ResultsError
 from ..names import split_endpoint
 from ..pages.page import Kind
-from ..words import counted, percent, uncertain
+from ..words import counted, first_few, percent, uncertain
 from .dataset import find_all, origins_of, parameters_of, zone_label
 from .files import MESSAGES, is_explained, sees_enough
 from .judgements import LEAST_SHOWN, REACH, Judgement, doubts, recorded_detector
@@ -196,9 +196,8 @@ def _undamaged(judgement: Judgement, zones: list[int], certain: bool) -> str:
         most = max(100 * float(judgement.deviation[shut].max()), 0.05)
         said = f"; {which} {undamaged} within ± {most:.1f} % (± is one standard deviation)"
     if unknown:
-        listed = ", ".join(f"zone {judgement.labels[z]} {judgement.bounds(z)} %" for z in unknown[:MOST_NAMED])
-        more = f" and {len(unknown) - MOST_NAMED} more" if len(unknown) > MOST_NAMED else ""
-        said += f"; not determined: {listed}{more}"
+        listed = [f"zone {judgement.labels[z]} {judgement.bounds(z)} %" for z in unknown]
+        said += f"; not determined: {first_few(listed, MOST_NAMED)}"
     return said
 
 

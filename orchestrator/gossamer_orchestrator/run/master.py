@@ -17,6 +17,7 @@ from typing import Protocol
 from ..fmi.instance import Instance
 from ..fmi.instances import start_instance
 from ..scenario.plan import Plan
+from ..words import first_few
 from . import position as at
 from .member import Member, SlowMember
 from .position import COMPONENT, Position, deferred_interrupt, open_position
@@ -25,8 +26,6 @@ from .stages import IteratedGroup, Stage, side_by_side
 from .steps import UNITS, ControlledSteps, Division
 
 logger = logging.getLogger(__name__)
-
-_MOST_NAMED = 4  # values in a message
 
 
 class Observer(Protocol):
@@ -330,10 +329,9 @@ class Simulation:
         for receiver, values in self.plan.events.get(0, ()):
             stated |= values if receiver == member.name else {}
         if differing := member.instance.differing(stated):
-            few = [f"{v} = {value!r} in place of {stated[v]!r}" for v, value in differing.items()][:_MOST_NAMED]
-            more = f" and {len(differing) - len(few)} more" if len(differing) > len(few) else ""
-            text = "component %r does not keep what the scenario states: %s%s. It computes with its own; check it with %s"
-            logger.warning(text, member.name, ", ".join(few), more, "'gossamer verify'")
+            few = first_few([f"{v} = {value!r} in place of {stated[v]!r}" for v, value in differing.items()])
+            text = "component %r does not keep what the scenario states: %s. It computes with its own; check it with %s"
+            logger.warning(text, member.name, few, "'gossamer verify'")
 
     def read(self, *names: str) -> None:
         """Read all variables at the present communication point, of the components named or of all."""

@@ -129,7 +129,7 @@ def run_scenario(
             resume=resume,
             observers=_pickled(observers),
         )
-        begun, watched = time.perf_counter(), _written(folder / files.WATCH)
+        begun = time.perf_counter()
         process = stack.enter_context(Process(task))
         import xarray  # noqa: F401 (takes a second, while the other process starts)
 
@@ -137,7 +137,7 @@ def run_scenario(
         process.end()
         error = process.error
         try:
-            last, path = _settle(process, folder, temporary, time.perf_counter() - begun, watched)
+            last, path = _settle(process, folder, temporary, time.perf_counter() - begun)
             replaced = last is not None and path.name == files.NETCDF
             if replaced:
                 messages.save(folder)
@@ -161,12 +161,7 @@ def run_scenario(
         return data.load() if out is None else data
 
 
-def _written(path: Path) -> int:
-    """Return when a file was written [ns]; 0 if it is not there."""
-    return path.stat().st_mtime_ns if path.is_file() else 0
-
-
-def _settle(process: Process, folder: Path, temporary: Path, wall_time: float, watched: int) -> tuple[float | None, Path]:
+def _settle(process: Process, folder: Path, temporary: Path, wall_time: float) -> tuple[float | None, Path]:
     """Finish the netCDF file; return the time of its last row, None without any, and where it is.
 
     It takes the place of earlier results, but for those of a complete run if this one is not.
@@ -193,7 +188,7 @@ def _settle(process: Process, folder: Path, temporary: Path, wall_time: float, w
     if full or (error is not None and files.has_complete(folder)):
         return last, path
     with uninterrupted(), writing(folder, ResultsError):
-        _remove_earlier(folder, watched)
+        _remove_earlier(folder)
         path = path.replace(folder / files.NETCDF)
         settle_shapes(folder, kept=True)
         if (folder / files.UNFINISHED_WATCH).is_file():
@@ -201,18 +196,14 @@ def _settle(process: Process, folder: Path, temporary: Path, wall_time: float, w
     return last, path
 
 
-def _remove_earlier(folder: Path, watched: int) -> None:
-    """Remove what was made of earlier results, so that a folder has files of one run at any moment.
-
-    An observer of this run may have written ``watch.json`` since it was ``watched``.
-    """
+def _remove_earlier(folder: Path) -> None:
+    """Remove what was made of earlier results, so that a folder has files of one run at any moment."""
     from ..pages import PAGE
     from ..results.report.pictures import remove_drawn
 
     if (folder / files.NETCDF).is_file():
         remove_drawn(folder)
-    watch = [files.WATCH] if _written(folder / files.WATCH) == watched else []
-    for name in (files.CSV, files.MESSAGES, SHAPES, files.TWIN, *watch):
+    for name in (files.CSV, files.MESSAGES, SHAPES, files.WATCH, files.TWIN):
         (folder / name).unlink(missing_ok=True)
         (folder / Path(name).stem / PAGE).unlink(missing_ok=True)  # of the twin
 

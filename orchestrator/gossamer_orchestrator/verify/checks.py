@@ -12,6 +12,7 @@ from typing import Any
 
 from ..fmi.file import explain_platforms, platforms
 from ..fmi.slave import Log, collect_errors, slave_class
+from ..words import first_few
 from .subject import REALS, Subject
 
 PASSED, FAILED, REMARK, NOT_APPLICABLE = "passed", "failed", "remark", "not applicable"
@@ -104,8 +105,7 @@ def none_of(wrong: list[str], complaint: str, good: str, *, verdict: str = FAILE
     """Pass if nothing is wrong; otherwise give the verdict, with the first few items after the complaint."""
     if not wrong:
         return PASSED, good
-    more = f" and {len(wrong) - 4} more" if len(wrong) > 4 else ""
-    return verdict, sentence(f"{complaint}: {', '.join(wrong[:4])}{more}")
+    return verdict, sentence(f"{complaint}: {first_few(wrong)}")
 
 
 @check("model description", gate=True)

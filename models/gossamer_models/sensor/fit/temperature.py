@@ -76,16 +76,13 @@ class Warming:
 
     def undone(self, record: Record, R: Vector) -> Vector:
         """Return resistance at the temperature of a record, shape (m,) [ohm], as it would be at the reference."""
-        dT = self._dT(record)
-        return self.level + (R - self.level - self.b * dT) / (1.0 + self.a * dT)
+        assert record.temperature is not None  # as ``fit_warming`` makes sure
+        return self.effect(self.level, 1.0).undone(R, record.temperature, self.level, 1.0)
 
     def done(self, record: Record, m: Vector) -> Vector:
         """Return what ``undone`` takes."""
-        return m + (self.a * (m - self.level) + self.b) * self._dT(record)
-
-    def _dT(self, record: Record) -> Vector:
-        assert record.temperature is not None  # as ``fit_warming`` makes sure
-        return record.temperature - self.reference
+        assert record.temperature is not None
+        return m + (self.a * (m - self.level) + self.b) * (record.temperature - self.reference)
 
 
 def fit_warming(records: Sequence[Record], train: Sequence[Rows], full_scale: float) -> Warming | None:
