@@ -24,7 +24,8 @@ from .assembly import MembraneEquations
 from .newton import STALLED, Known, Newton, column
 from .structure import Structure
 
-KEPT = 32  # equilibria of the undamaged membrane
+KEPT = 64  # equilibria
+ROUNDED, DAMAGES = 5, 16.0  # binary digits of numbers, and shares of damage, of which equilibria are kept
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,10 +78,10 @@ class EquilibriumDerivatives:
 class Equilibrium:
     """What finds equilibria of a membrane.
 
-    A case starts from the equilibrium of the undamaged membrane under the same loads, with the factors of its tangent as
-    long as the forces fall to half in a step, then with its own. Where this fails, the relaxation of the model's own
-    ``init`` takes over. The equilibrium of the undamaged membrane is found alike from that of the start values. So what a
-    case gives does not depend on the others.
+    A case starts from the equilibrium of its rounded numbers, which cases beside it share, with the factors of its tangent
+    as long as the forces fall to half in a step, then with its own. Where this fails, the relaxation of the model's own
+    ``init`` takes over. That equilibrium is found alike from that of the undamaged membrane under the same loads, and this
+    one from that of the start values. So what a case gives does not depend on the others.
 
     Parameters
     ----------
@@ -142,7 +143,7 @@ class Equilibrium:
         change = ca.jtimes(seen, ca.vertcat(given, q), ca.vertcat(moved, dq))
         self._changed = ca.Function("changed", [*arguments, *directions], [ca.densify(change)])
         self._shape, self._n_q = (n_nodes, len(rows)), n
-        self._healthy: OrderedDict[bytes, Known | None] = OrderedDict()
+        self._kept: OrderedDict[bytes, Known | None] = OrderedDict()
         self._is_loaded_later = structure.starts_in_plane
 
     def __call__(self, u: Matrix, p: Matrix) -> Matrix:
@@ -219,27 +220,33 @@ class Equilibrium:
 
     def _find(self, u: Vector, p: Vector) -> Vector:
         """Return the displacements of one case."""
-        healthy = u.copy()
-        healthy[self._damages] = 0.0
-        known = self._known(healthy, p)
-        if known is not None and np.array_equal(healthy, u):
-            return known.q
+        known = self._near(u, p) or self._first
         q = None if known is None else self.newton.reach(u, p, known)
         return self._relaxed(u, p) if q is None else q
 
+    def _near(self, u: Vector, p: Vector) -> Known | None:
+        """Return the equilibrium of the rounded numbers of a case: 1/16 of damage, 1/32 to 1/16 of the size of all else."""
+        rounded = []
+        for values, start in zip((u, p), self.newton.given, strict=True):
+            unit = np.exp2(np.frexp(np.maximum(np.abs(values), np.abs(start)))[1] - ROUNDED)
+            rounded.append(start + np.round((values - start) / unit) * unit)
+        rounded[0][self._damages] = np.floor(DAMAGES * u[self._damages]) / DAMAGES
+        return self._known(*rounded)
+
     def _known(self, u: Vector, p: Vector) -> Known | None:
-        """Return the equilibrium of the undamaged membrane under the loads of a case, kept or found."""
+        """Return an equilibrium, kept or found: from that of the undamaged membrane, and that from the start values."""
         key = np.concatenate([u[self._relevant[0]], p[self._relevant[1]]]).tobytes()
-        if key not in self._healthy:
-            q = None
-            if self._first is not None:
-                q = self.newton.reach(u, p, self._first)
+        if key not in self._kept:
+            healthy = u.copy()
+            healthy[self._damages] = 0.0
+            begin = self._first if np.array_equal(healthy, u) else self._known(healthy, p)
+            q = None if begin is None else self.newton.reach(u, p, begin)
             q = self._relaxed(u, p) if q is None else q
-            self._healthy[key] = None if np.isnan(q).any() else Known(u.copy(), p.copy(), q)
-            if len(self._healthy) > KEPT:
-                self._healthy.popitem(last=False)
-        self._healthy.move_to_end(key)
-        return self._healthy[key]
+            self._kept[key] = None if np.isnan(q).any() else Known(u.copy(), p.copy(), q)
+            if len(self._kept) > KEPT:
+                self._kept.popitem(last=False)
+        self._kept.move_to_end(key)
+        return self._kept[key]
 
     @cached_property
     def _first(self) -> Known | None:
