@@ -11,7 +11,7 @@ from .errors import DataError, require
 from .sensor import SensorArtifact
 from .stepper import Stepper
 
-COLUMNS = {"time": "s", "resistance": "ohm"}
+COLUMNS = {"time": "s", "resistance": "ohm", "temperature": "K"}
 
 
 class Line(NamedTuple):
@@ -42,8 +42,9 @@ def recover_lines(
     Parameters
     ----------
     lines : iterable of str
-        Time [s] and resistance [ohm], with a comma between. The first line may name the columns, in any order and among
-        others. A reading that is empty or not a number is none: the next one follows after a longer step.
+        Time [s] and resistance [ohm], with a comma between, and temperature [K] where the artifact says what it does. The
+        first line may name the columns, in any order and among others. A temperature that is missing stays. A reading that
+        is empty or not a number is none: the next one follows after a longer step.
     artifact : SensorArtifact
         The sensor.
     method : {"inverse", "estimator", "filter"} or None
@@ -59,27 +60,31 @@ def recover_lines(
     Raises
     ------
     DataError
-        A line is none of numbers, or time does not rise.
+        A line is none of numbers or lacks a temperature that the sensor feels, or time does not rise.
     """
     written = compensator_model(artifact, method)
     model, has = Stepper(written, **(parameters or {})), {variable.name for variable in written.variables}
-    columns, before = [0, 1], math.nan
+    names, before = [name for name in COLUMNS if name != "temperature" or artifact.temperature is not None], math.nan
+    columns = list(range(len(names)))
     states = "strain_deviation" in has and artifact.states_deviation(method)
     for number, line in enumerate(lines, 1):
         cells = [cell.strip() for cell in line.split(",")]
         if not line.strip():
             continue
         if number == 1 and not _is_number(cells[0]):
-            columns = _named(cells)
+            columns = _named(cells, names)
             continue
-        require(len(cells) > max(columns), f"line {number} has {len(cells)} columns: {line.strip()!r}", DataError)
-        time, reading = (_number(cells[k], number) for k in columns)
+        msg = f"line {number} has {len(cells)} columns: {line.strip()!r}. The sensor takes {', '.join(names)}"
+        require(len(cells) > max(columns), msg, DataError)
+        time, reading, *warmth = (_number(cells[k], number) for k in columns)
         require(math.isfinite(time), f"line {number} has no time: {line.strip()!r}", DataError)
         require(not time <= before, f"line {number}: time {time:g} s does not follow {before:g} s.", DataError)
         if not math.isfinite(reading):
             yield Line(time, math.nan, math.nan, math.nan)
             continue
         model.set("resistance", reading)
+        if warmth and math.isfinite(warmth[0]):
+            model.set("temperature", warmth[0])
         if math.isnan(before):
             model.initialize()
         else:
@@ -106,13 +111,13 @@ def _number(text: str, line: int) -> float:
     return float(text or "nan")
 
 
-def _named(cells: list[str]) -> list[int]:
-    """Return where time and resistance stand."""
+def _named(cells: list[str], names: list[str]) -> list[int]:
+    """Return where columns stand."""
     found = []
-    for name, unit in COLUMNS.items():
+    for name in names:
         at = [k for k, cell in enumerate(cells) if cell.partition("[")[0].strip().lower() == name]
         require(len(at) == 1, f"the first line names no single column {name!r}: {', '.join(cells)}.", DataError)
         there = cells[at[0]].partition("[")[2].rstrip("]").strip()
-        require(there in ("", unit), f"{name} is in {there}; write it in {unit}.", DataError)
+        require(there in ("", COLUMNS[name]), f"{name} is in {there}; write it in {COLUMNS[name]}.", DataError)
         found += at
     return found

@@ -45,9 +45,9 @@ def recover(
 ) -> Recovery:
     """Recover strain from resistance line by line, as it arrives.
 
-    Reads lines of time [s] and resistance [ohm], with a comma between, from a file, a serial port or, as -, a pipe. Writes a
-    line of time, strain, its standard deviation and its delay for each, at once: the strain is that of the delay ago. A
-    reading that is empty leaves a gap.
+    Reads lines of time [s] and resistance [ohm], with a comma between, and of temperature [K] where the sensor was
+    identified with it, from a file, a serial port or, as -, a pipe. Writes a line of time, strain, its standard deviation
+    and its delay for each, at once: the strain is that of the delay ago. A reading that is empty leaves a gap.
 
     Parameters
     ----------

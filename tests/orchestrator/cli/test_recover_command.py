@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from gossamer import recover
 from gossamer_models import DataError, Stepper, simulate
 from gossamer_models.compensator import compensator_model
 from gossamer_models.live import recover_lines
-from gossamer_models.sensor import default_artifact, sensor_model
+from gossamer_models.sensor import Scales, TemperatureEffect, default_artifact, sensor_model
 
 STEP = 0.02
 
@@ -107,3 +108,24 @@ def test_a_file_is_read_to_its_end(artifact, read, tmp_path, capsys):
     assert len(result.stdout.splitlines()) == 21
     assert recover(artifact, path).sentence == "Recovered strain from 20 readings."
     assert len(capsys.readouterr().out.splitlines()) == 21
+
+
+def test_a_sensor_that_feels_temperature_needs_it_and_recovers_the_same_strain_warm_and_cold(read):
+    time, _, cold = read
+    effect = TemperatureEffect(reference=293.0, gain=2e-3, offset=0.01)
+    scales = Scales(full_scale_strain=0.3, rest_resistance=100.0, full_scale_resistance_change=100.0)
+    sensor = replace(default_artifact(), temperature=effect, scales=scales)
+    model = Stepper(sensor_model(sensor))
+    model.set("temperature", 313.0)
+    model.initialize()
+    first = model.get("resistance")
+    inputs = {"strain": read[1][1:], "temperature": np.full(len(time) - 1, 313.0)}
+    warm = np.append(first, simulate(model, np.diff(time), inputs, ["resistance"])["resistance"])
+    assert np.ptp(warm) > 1.03 * np.ptp(cold)
+    lines = [
+        f"{t!r},{r!r},{'' if k == 70 else 313.0}" for k, (t, r) in enumerate(zip(time.tolist(), warm.tolist(), strict=True))
+    ]
+    found = np.array([each.strain for each in recover_lines(lines, sensor, "inverse")])
+    assert np.abs(found - read[1]).max() < 1e-9
+    with pytest.raises(DataError, match=r"line 1 has 2 columns: .* The sensor takes time, resistance, temperature"):
+        list(recover_lines(["0,1000"], sensor))
