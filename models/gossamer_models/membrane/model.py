@@ -124,7 +124,7 @@ def membrane_model(
     Raises
     ------
     DescriptionError
-        A membrane on a frame with nodes that are held in some directions only, or with scaled inertia.
+        A membrane on a frame with nodes that are held in some directions only.
 
     Notes
     -----
@@ -140,7 +140,7 @@ def membrane_model(
     those of the central difference method of [1]_, whose limit :math:`h < 2/\omega_{max}` it shares, damped or not.
     Without damping it is symplectic [2]_. The phase of the built-in pressure is kept within one cycle, so that its
     round-off does not grow with time. ``max_step`` belongs to the middle of the last step, where the forces are evaluated.
-    On a frame that flies the step is that of ``frame.FrameStep``.
+    On a frame that flies the step is that of ``frame.FrameStep``, and only the acceleration relative to the frame is scaled.
 
     It starts at rest in equilibrium, without the built-in pressure. Inertia along the surface may be scaled by a factor k:
     with n the normals of the reference surface,
@@ -290,9 +290,6 @@ def _cannot_ride(structure: Structure) -> Iterator[Mistake]:
     if structure.setup.springs:
         text = "on a frame that flies supports are rigid. Leave out 'stiffness'."
         yield Mistake(("supports", structure.setup.springs[0], "stiffness"), text)
-    if structure.setup.inplane_mass > 1.0:
-        text = "on a frame that flies inertia must be that of the mass. Leave out 'inplane_mass'."
-        yield Mistake(("inplane_mass",), text)
 
 
 def _gauge(structure: Structure, gauge: Gauge) -> tuple[list[int], Callable[[ca.MX, Any], ca.MX]]:

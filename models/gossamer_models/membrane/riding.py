@@ -7,12 +7,25 @@ Symbols: ``q`` displacements [m] of the M nodes that move, ``at`` their position
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import casadi as ca
 
 from ..variables import Values, pack, unpack
 from .assembly import Forces, MembraneEquations
-from .frame import FrameState, FrameStep, Mounting, cross, drift, frame_results, kick, mass_properties, mounting, wrench
+from .frame import (
+    FrameState,
+    FrameStep,
+    Mounting,
+    cross,
+    drift,
+    frame_results,
+    held_back,
+    kick,
+    mass_properties,
+    mounting,
+    wrench,
+)
 from .law import Entry
 from .loops import Columns, NodeLoop
 
@@ -51,7 +64,7 @@ class Common:
 
     Attributes
     ----------
-    half, h, a, w : casadi.MX
+    half, h, a, w, w_dot : casadi.MX
         Those of ``FrameStep``.
     damping : casadi.MX
         Mass damping [1/s].
@@ -67,6 +80,7 @@ class Common:
     h: ca.MX
     a: ca.MX
     w: ca.MX
+    w_dot: ca.MX
     damping: ca.MX
     shed: ca.MX
     shift: ca.MX
@@ -74,7 +88,7 @@ class Common:
 
 
 _SCALAR, _VECTOR = ca.MX(1, 1), ca.MX(3, 1)
-_LIKE = Common(ca.MX(3, 3), _SCALAR, _VECTOR, _VECTOR, _SCALAR, _SCALAR, _VECTOR, _SCALAR)
+_LIKE = Common(ca.MX(3, 3), _SCALAR, _VECTOR, _VECTOR, _VECTOR, _SCALAR, _SCALAR, _VECTOR, _SCALAR)
 
 
 class Rider:
@@ -92,8 +106,10 @@ class Rider:
         structure, shared = equations.structure, pack(_LIKE).numel()
         n, mass = len(structure.moving), structure.mass[structure.order]
         self._equations, self._n_q, self._compiled = equations, 3 * n, compiled
+        self._normals = [equations.arrays["normals"]] if structure.setup.inplane_mass > 1.0 else []
         self._drift = NodeLoop("drift", _drift, 2, shared, mass[:n])
-        self._kick = NodeLoop("kick", _kick, 4, shared, mass[:n])
+        k, more = structure.setup.inplane_mass, self._normals
+        self._kick = NodeLoop("kick", partial(_kick, k=k), 4 + len(more), shared, mass[:n])
         self._held = NodeLoop("held", _held, 3, shared, mass[n:])
         if compiled:
             equations.loops += [nodes.loop for nodes in (self._drift, self._kick, self._held)]
@@ -104,7 +120,7 @@ class Rider:
         w, n = ca.mtimes(mount.axes.T, u.angular_velocity), self._n_q
         r = [at[axis:n:3] + mount.shift[axis] for axis in range(3)]
         s = ca.vec(ca.horzcat(*cross([w[i] for i in range(3)], r)).T)
-        common = self._common(ca.MX.eye(3), ca.MX(0.0), ca.MX.zeros(3), w, mount, p)
+        common = self._common(ca.MX.eye(3), ca.MX(0.0), ca.MX.zeros(3), w, ca.MX.zeros(3), mount, p)
         _, _, reaction, results = self._kicked(at, s, found, f, common)
         state = FrameState(w, w, ca.MX.zeros(6), ca.MX(0.0))
         return Ride(q, s, state, found, gas, frame_results(mount, *results, reaction))
@@ -113,7 +129,7 @@ class Rider:
         """Advance by one step; ``pulled`` gives the forces at positions from the membrane's origin."""
         mount, n = mounting(p), self._n_q
         frame = FrameStep.of(state, u, mount, h)
-        common = self._common(frame.half, h, frame.a, frame.w, mount, p)
+        common = self._common(frame.half, h, frame.a, frame.w, frame.w_dot, mount, p)
         rest = self._equations.positions(ca.MX.zeros(n), u, p)
         (at, s), _ = self._drift([rest[:n] + q, s], pack(common), compiled=self._compiled)
         at = ca.vertcat(at, rest[n:])
@@ -122,16 +138,16 @@ class Rider:
         state, reaction = frame.pass_on(reaction)
         return Ride(at - rest[:n], s, state, found, gas, frame_results(mount, *results, reaction))
 
-    def _common(self, half: ca.MX, h: ca.MX, a: ca.MX, w: ca.MX, mount: Mounting, p: Values) -> Common:
+    def _common(self, half: ca.MX, h: ca.MX, a: ca.MX, w: ca.MX, w_dot: ca.MX, mount: Mounting, p: Values) -> Common:
         weight = ca.MX(1.0 / self._equations.lightness(p))
-        return Common(half, h, a, w, p.mass_damping, p.enclosed_pressure, mount.shift, weight)
+        return Common(half, h, a, w, w_dot, p.mass_damping, p.enclosed_pressure, mount.shift, weight)
 
     def _kicked(
         self, at: ca.MX, s: ca.MX, found: Forces, f: ca.MX, common: Common
     ) -> tuple[ca.MX, ca.MX, ca.MX, tuple[ca.MX, ca.MX]]:
         """Return positions and velocities at the end of the step, the force on the frame in its middle, and the masses."""
         n, d = self._n_q, pack(common)
-        (moved, s), sums = self._kick([at[:n], s, f[:n], found.f[:n]], d, compiled=self._compiled)
+        (moved, s), sums = self._kick([at[:n], s, f[:n], found.f[:n], *self._normals], d, compiled=self._compiled)
         _, held = self._held([at[n:], f[n:], found.f[n:]], d, compiled=self._compiled)
         return moved, s, sums[16:] + held[10:], (sums[:16], held[:10])
 
@@ -143,19 +159,30 @@ def _drift(vectors: list[Columns], d: ca.MX, own: Entry) -> tuple[list[Columns],
     return [_shifted(r, -common.shift), s], []
 
 
-def _kick(vectors: list[Columns], d: ca.MX, own: Entry) -> tuple[list[Columns], list[Entry]]:
+def _kick(vectors: list[Columns], d: ca.MX, own: Entry, k: float) -> tuple[list[Columns], list[Entry]]:
     """Kick a node and move it by the other half: place and velocity; its sums, and what it exerts on the frame.
 
     Notes
     -----
     The frame takes what pulls at the held nodes, and the drag. That is the load less the change of the membrane's
-    momentum, since the elements' own forces add up to nothing. Of all nodes they add up to the load, of which enclosed
+    momentum, since the elements' own forces add up to nothing; what scaled inertia takes from a node goes there too. Of all
+    nodes they add up to the load, of which enclosed
     gas pushes the frame the other way than the membrane.
     """
-    common, (at, s, f, found) = unpack(_LIKE, d), vectors
+    common, (at, s, f, found, *normals) = unpack(_LIKE, d), vectors
     m, r = common.weight * own, _shifted(at, common.shift)
-    s, relative = kick(common.h, common.a, common.w, r, s, [x / m for x in f], common.damping)
+    free = [x / m for x in f]
+    pull, less, middle = free, [], s
+    for _ in range(2 if normals else 0):  # by the velocity before the kick, then by that in its middle
+        less = held_back(common.a, common.w, common.w_dot, k, normals[0], r, middle, free)
+        pull = [x - y for x, y in zip(free, less, strict=True)]
+        after, _ = kick(common.h, common.a, common.w, r, s, pull, common.damping)
+        middle = [(x + y) / 2.0 for x, y in zip(s, after, strict=True)]
+    s, relative = kick(common.h, common.a, common.w, r, s, pull, common.damping)
     force = [common.damping * m * v - common.shed * x for v, x in zip(relative, found, strict=True)]
+    if less:
+        taken = m / (1.0 + common.damping * common.h / 2.0)
+        force = [x + taken * y for x, y in zip(force, less, strict=True)]
     reaction = wrench(r, force)
     r, s = drift(common.half, common.h, r, s)
     momentum = wrench(r, [m * x for x in s])
