@@ -242,9 +242,11 @@ class ReducedMembrane(Saved):
         """``A``, ``B``, ``C``, ``D`` by ``state``, ``input`` and ``output``, which have their names, with ``input_unit`` and
         ``output_unit``; ``M``, ``damping`` and ``K`` by ``coordinate``, six motions of the frame and the modes; by ``mode``
         ``frequency`` [Hz], ``participation`` [kg^1/2], [kg^1/2 m] and ``shape``; ``softening`` [1/s2] by ``zone``;
-        ``strain_bending``, second derivatives of the strains by ``bent`` and ``bent_too``.
+        ``strain_bending``, second derivatives of the strains by ``bent`` and ``bent_too``; by ``spring`` the modes as masses
+        on springs, ``spring_mass`` [kg] and so on, see ``gossamer_models.membrane.SpringMasses``.
         """  # noqa: D205
         import xarray as xr
+        from gossamer_models.membrane import spring_masses
         from gossamer_models.membrane.vibration import AXES
 
         found, modes, known = self.result, self.result.modes, self.result.modes.linearised
@@ -267,6 +269,10 @@ class ReducedMembrane(Saved):
             "strain_bending": (("sensor", "bent", "bent_too"), found.H),
             "start": ("output", [*found.start[: found.n_y], *(found.start[-12:-6] + found.start[-6:])]),
         }
+        springs = spring_masses(found)
+        for name in springs.__slots__:
+            each = getattr(springs, name)
+            values[f"spring_{name}"] = (("spring", "direction")[: each.ndim], each)
         states = [*kept, *(f"der(mode[{k}])" for k in range(1, n + 1))]
         coords: dict[str, Any] = {
             "state": states,
@@ -339,8 +345,9 @@ def reduce(
 ) -> ReducedMembrane:
     """Reduce a membrane to a small linear model about its equilibrium, for control and attitude.
 
-    Writes an FMU, the matrices as reduced.npz (NumPy) and reduced.mat (MATLAB), and report.html, which states from which
-    load on the model is wrong by 5 %.
+    Writes an FMU, the matrices as reduced.npz (NumPy) and reduced.mat (MATLAB), with the modes as masses on springs for
+    Basilisk, flex_42.txt and nodes_42.txt for the simulator 42, and report.html, which states from which load on the model
+    is wrong by 5 %.
 
     Parameters
     ----------
@@ -385,12 +392,15 @@ def reduce(
 
         gossamer reduce --nodes 145,37 --out out/mine
     """
+    from gossamer_files import write_text
     from gossamer_fmus import build_models, fmu_folder
-    from gossamer_models.membrane import Linearised, reaches, reduce_membrane, reduced_model
+    from gossamer_models.membrane import Linearised, flex_file, node_file, reaches, reduce_membrane, reduced_model
+    from gossamer_orchestrator.errors import ResultsError, writing
 
     folder = Path(out)
     arrays, matlab = folder / "reduced.npz", folder / "reduced.mat"
-    check_outputs([arrays, matlab, folder / "reduced_membrane.fmu"])
+    texts = {folder / "flex_42.txt": flex_file, folder / "nodes_42.txt": node_file}
+    check_outputs([arrays, matlab, *texts, folder / "reduced_membrane.fmu"])
     given = numbers_by_name(assigned(set), "for instance pressure=100")
     kept = Linearised(_structure(setup, mesh), given).modes(modes)
     found = reduce_membrane(kept, [int(k) for k in nodes or ()])
@@ -402,7 +412,11 @@ def reduce(
     )
     values = {str(name): each.to_numpy() for name, each in result.data.variables.items()}
     _save(arrays, matlab, values)
-    files = [*built.values(), arrays, matlab]
+    title = found.modes.linearised.structure.setup.title or "Membrane"
+    for path, text_of in texts.items():
+        with writing(path, ResultsError):
+            write_text(path, text_of(found, title))
+    files = [*built.values(), arrays, matlab, *texts]
     pages = save_page(result.describe, folder)
     return ReducedMembrane(files=[*files, *pages], result=found, reaches=result.reaches, frame=frame)
 

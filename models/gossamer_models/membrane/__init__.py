@@ -2,6 +2,7 @@
 
 from .assembly import MembraneEquations
 from .built import Surveyed, as_built, surveyed, with_shape
+from .effectors import SpringMasses, flex_file, node_file, spring_masses
 from .law import LAWS
 from .model import first_period, membrane_model
 from .portable import read_structure
@@ -31,6 +32,10 @@ __all__ = [
     "reaches",
     "reduce_membrane",
     "reduced_model",
+    "flex_file",
+    "node_file",
+    "spring_masses",
+    "SpringMasses",
     # what it is made of
     "Built",
     "Edge",

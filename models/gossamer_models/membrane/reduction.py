@@ -50,6 +50,8 @@ class Reduced:
     ----------
     modes : Modes
         Those that are kept.
+    nodes : tuple of int
+        Nodes of the mesh, from 1, whose displacements are outputs.
     inputs : tuple of Variable, length m
         Those of the membrane without the acceleration of its base, then that of the frame, 6.
     outputs : tuple of Variable, length o
@@ -72,6 +74,7 @@ class Reduced:
     """
 
     modes: Modes
+    nodes: tuple[int, ...]
     inputs: tuple[Variable, ...]
     outputs: tuple[Variable, ...]
     start: Vector
@@ -169,6 +172,7 @@ def reduce_membrane(modes: Modes, nodes: Sequence[int] = ()) -> Reduced:
     bending = tuple(k for k, v in enumerate(inputs) if v.name.partition("[")[0] not in STIFFNESS)
     return Reduced(
         modes=modes,
+        nodes=nodes,
         inputs=inputs,
         outputs=(*known.outputs, *_displacements(structure, nodes), *_loads()),
         start=stacked(now).ravel(),

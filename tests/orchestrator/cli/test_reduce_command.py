@@ -43,9 +43,12 @@ def test_the_square_is_reduced_to_matrices_with_names_and_units(tmp_path):
         assert arrays["output"].tolist()[-6:] == [f"{part}[{k}]" for part in ("force", "torque") for k in (1, 2, 3)]
         assert dict(zip(arrays["input"].tolist(), arrays["input_unit"].tolist(), strict=True))["pressure"] == "Pa"
         np.testing.assert_array_equal(matlab["A"], arrays["A"])
+        assert 1 <= len(arrays["spring_mass"]) <= 6
         assert matlab["input"].ravel()[0][0] == arrays["input"][0]
     variables = gossamer.info(tmp_path / "reduced_membrane.fmu").variables
     assert {"pressure", "damage[16]", "strain[4]", "displacement[6]"} <= set(variables)
+    assert (tmp_path / "nodes_42.txt").read_text().count("node ") == 2
+    assert (tmp_path / "flex_42.txt").read_text().endswith("[EOF]\n")
     _, charts = read_page(tmp_path / "report.html")
     assert "Shapes" in charts
 
