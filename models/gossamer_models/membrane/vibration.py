@@ -17,7 +17,7 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse.linalg import LinearOperator, SuperLU, eigsh, splu
+from scipy.sparse.linalg import ArpackError, LinearOperator, SuperLU, eigsh, splu
 
 from ..arrays import Matrix, Vector
 from ..errors import ConvergenceError, require
@@ -188,7 +188,11 @@ class Linearised:
     def _factored(self, square: float) -> tuple[SuperLU, int]:
         """Factor K less a squared frequency times M; return how many modes are below it too, by Sylvester's law."""
         options = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
-        factors = splu(scipy.sparse.csc_matrix(self.K - square * self.M), **options)
+        try:
+            factors = splu(scipy.sparse.csc_matrix(self.K - square * self.M), **options)
+        except RuntimeError as error:  # exactly singular
+            msg = "the membrane has no stiffness in some direction. Hold it by more, or raise the prestress."
+            raise ConvergenceError(msg) from error
         below = int(np.sum(factors.U.diagonal() < 0.0))
         return factors, below - int(self.gas @ factors.solve(self.gas) < -1.0)  # the gas may lift one
 
@@ -268,7 +272,10 @@ class Linearised:
         for trial in range(TRIALS):
             start, wide = np.random.default_rng(trial).normal(size=n), min(n - 1, (2 + trial) * count + 20)
             known = {"sigma": -self._shift, "OPinv": inverse, "v0": start, "tol": 1e-12, "ncv": wide}
-            squares, shapes = eigsh(operator, count, M=self.M, **known)
+            try:
+                squares, shapes = eigsh(operator, count, M=self.M, **known)
+            except ArpackError:  # not converged; the next trial has more room
+                continue
             order = np.argsort(squares)
             squares, shapes = squares[order], shapes[:, order]
             if self._factored((1.0 - ALIKE) * squares[-1])[1] <= np.sum(squares < (1.0 - ALIKE) * squares[-1]):
