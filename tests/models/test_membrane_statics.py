@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-from gossamer_models.membrane import Edge, Gas, Load, Region, Sensor, Support, surface_mesh
+from gossamer_models.membrane import Edge, Gas, Load, Region, Sensor, Setup, Support, make_structure, surface_mesh
 from gossamer_models.membrane.gauges import gauge
+from gossamer_models.mistakes import DescriptionError
 from oracles import axisymmetric
 from oracles.meshes import ball, disc, meshed, rectangle, rim, started, tube
 from scipy.optimize import brentq, fsolve
@@ -32,6 +33,41 @@ def test_point_loads_on_a_prestressed_square_bend_it_as_in_kratos():
     for x, expected in ((2.0, -2.6369332), (1.6, -2.5046271)):
         node = np.argmin(np.hypot(structure.mesh.nodes[:, 0] - x, structure.mesh.nodes[:, 1] - 2.0))
         assert q[node, 2] == pytest.approx(expected, abs=1e-7)
+
+
+@pytest.mark.parametrize("kind", ["quad", "triangle"])
+def test_a_force_at_a_point_has_its_resultant_there_and_spread_over_a_radius_is_a_pressure(kind):
+    """The deflection of a drum under a load on a disc in its middle is (F/(4 pi T)) (1 + 2 ln(R/a)), T its tension."""
+    place = (0.61, 0.43, 0.0)
+    file = square(16, kind)
+    for radius, near in ((0.0, 1e-12), (0.15, 0.01)):
+        load = Load(name="hit", kind="force", point=place, radius=radius, direction=(0.0, 0.0, 2.0))
+        setup = Setup(regions=(FILM,), supports=RIM, loads=(load,))
+        structure = make_structure(setup, surface_mesh(file, 1))
+        force = structure.unit_forces["hit"].reshape(-1, 3)
+        np.testing.assert_allclose(force.sum(axis=0), (0.0, 0.0, 1.0), atol=1e-12)
+        np.testing.assert_allclose(force[:, 2] @ structure.mesh.nodes, place, atol=near)
+    R, a, T = 1.0, 0.2, 1e5 * H
+    film = Region(youngs_modulus=E, poisson_ratio=NU, density=1000.0, thickness=H, prestress=(T / H, T / H, 0.0))
+    load = Load(name="hit", kind="force", point=(0.0, 0.0, 0.0), radius=a, start=0.1)
+    drum = meshed(disc(R), 24, edges={"rim": lambda x, y, z: np.hypot(x, y) > R - 1e-9}, kind=kind)
+    w = started(drum, regions=(film,), supports=RIM, loads=(load,))[2][:, 2].max()
+    assert w == pytest.approx(0.1 / (4.0 * np.pi * T) * (1.0 + 2.0 * np.log(R / a)), rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"kind": "force"}, "needs 'groups', those of nodes"),
+        ({"kind": "force", "groups": ("rim",), "point": (0.5, 0.5, 0.0)}, "Write one of them"),
+        ({"point": (0.5, 0.5, 0.0)}, "'point' belongs to a force at a point"),
+        ({"kind": "force", "groups": ("rim",), "radius": 0.1}, "'radius' belongs to a force at a point"),
+        ({"kind": "force", "point": (0.5, 0.5, 0.2)}, "away from the surface by 0.2 m"),
+    ],
+)
+def test_a_force_that_has_no_place_or_two_is_refused(wrong, message):
+    with pytest.raises(DescriptionError, match=message):
+        make_structure(Setup(regions=(FILM,), supports=RIM, loads=(Load(name="hit", **wrong),)), surface_mesh(square(4), 1))
 
 
 @pytest.mark.parametrize(

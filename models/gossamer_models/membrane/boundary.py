@@ -11,6 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from ..arrays import Vector
 from ..mistakes import Mistake, raise_any
 from .element import derivative_matrix, lobatto_points
+from .gauges import place_matrix
 from .geometry import Geometry
 from .setup import Load, Setup, Support
 from .surface import SurfaceMesh, sides_of
@@ -141,10 +142,24 @@ def unit_force(load: Load, mesh: SurfaceMesh, measured: list[Geometry]) -> Vecto
     """Return the nodal forces of a dead load per unit of its input."""
     force = np.zeros((len(mesh.nodes), 3))
     if load.kind == "force":
-        nodes = np.unique(np.concatenate([mesh.points[group] for group in load.groups]))
-        force[nodes] = np.array(load.direction) / np.linalg.norm(load.direction)
+        along = np.array(load.direction) / np.linalg.norm(load.direction)
+        if load.point is not None:
+            return np.outer(_around(load, mesh, measured), along).ravel()
+        force[np.unique(np.concatenate([mesh.points[group] for group in load.groups]))] = along
         return force.ravel()
     acts = members_of(mesh, load.groups)
     for block, found in zip(mesh.blocks, measured, strict=True):
         np.add.at(force, block.elements, found.node_normals * acts[block.faces][:, None, None])
     return force.ravel()
+
+
+def _around(load: Load, mesh: SurfaceMesh, measured: list[Geometry]) -> Vector:
+    """Return the share of each node in a force at a point, by the area of what lies near; of one place without a radius."""
+    near = np.linalg.norm(mesh.nodes - np.array(load.point), axis=1) <= load.radius
+    if not near.any():
+        return np.asarray(place_matrix(mesh, np.array([load.point]))[0])
+    areas = np.zeros((len(mesh.nodes), 3))
+    for block, found in zip(mesh.blocks, measured, strict=True):
+        np.add.at(areas, block.elements, found.node_normals)
+    shares = near * np.linalg.norm(areas, axis=1)
+    return np.asarray(shares / shares.sum())

@@ -158,7 +158,8 @@ class Load:
         Name of the input.
     kind : {"pressure", "dead_pressure", "light", "force"}
         Pressure [Pa] along the normal as the surface turns, or along that of the reference shape. Light: pressure [Pa] of
-        light that is wholly absorbed; its direction of travel is the input ``<name>_direction``. Force [N] on every node.
+        light that is wholly absorbed; its direction of travel is the input ``<name>_direction``. Force [N] on every node of
+        groups, or in all at a point.
     groups : tuple of str
         Groups of faces, or of nodes for forces; empty for all faces.
     start : float
@@ -167,6 +168,10 @@ class Load:
         Of a force, or where light travels to at the start.
     reflectivity : float
         Share of the light [1] that is mirrored; the rest is absorbed.
+    point : tuple of float or None
+        Where a force acts [m], in place of groups.
+    radius : float
+        It is spread evenly over the surface this far around the point [m].
     """
 
     name: str
@@ -175,14 +180,25 @@ class Load:
     start: float = 0.0
     direction: Triple = (0.0, 0.0, 1.0)
     reflectivity: float = 0.0
+    point: Triple | None = None
+    radius: float = 0.0
 
     def __post_init__(self) -> None:
         mistakes = [*outside(self, start=(-1e6, 1e6), reflectivity=(0.0, 1.0)), *no_direction(self, "direction")]
+        mistakes += [*outside(self, radius=(0.0, 1e3)), *(not_finite(self, "point") if self.point else ())]
         if not self.name.isidentifier():
             text = f"'name' is {self.name!r}. Use letters, digits and underscores, and no digit at the start."
             mistakes.append(Mistake(("name",), text))
-        if self.kind == "force" and not self.groups:
-            mistakes.append(Mistake(("groups",), "a force needs 'groups'. Name the groups of nodes that it acts on."))
+        if self.kind == "force" and bool(self.groups) == (self.point is not None):
+            text = "a force needs 'groups', those of nodes that it acts on, or a 'point'. Write one of them."
+            mistakes.append(Mistake(("groups",), text))
+        wrong = {
+            "point": self.point is not None and self.kind != "force",
+            "radius": self.radius > 0.0 and self.point is None,
+        }
+        mistakes += [
+            Mistake((name,), f"{name!r} belongs to a force at a point. Leave it out.") for name in wrong if wrong[name]
+        ]
         raise_any(mistakes)
 
 

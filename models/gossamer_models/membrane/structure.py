@@ -20,7 +20,7 @@ from ..mistakes import DescriptionError, Mistake, raise_any
 from ..variables import Variable
 from .boundary import edge_force, free_displacements, leaking, loose, members_of, springs, unit_force, ways
 from .element import Element
-from .gauges import Gauge, moved_gauge, place_matrix
+from .gauges import Gauge, moved_gauge, nearest_place, place_matrix
 from .geometry import Geometry, geometry, stiffest, values
 from .interface import mesh_variables
 from .paraboloid import BestFit, best_fits
@@ -239,7 +239,7 @@ class Structure:
         found = make_structure(setup, refined(mesh, order, quarters=not raised))
         forces = dict(found.unit_forces)
         for load in setup.loads:
-            if load.kind == "force":
+            if load.kind == "force" and load.point is None:
                 shares = found.mass * forces[load.name].reshape(-1, 3).any(axis=1)
                 whole = self.unit_forces[load.name].reshape(-1, 3).sum(axis=0)
                 forces[load.name] = np.outer(shares / shares.sum(), whole).ravel()
@@ -279,7 +279,7 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
     """
     for _ in range(setup.refine):
         mesh = refined(mesh, setup.order)
-    raise_any([*_lacking(setup, mesh)])
+    raise_any([*_lacking(setup, mesh), *_hit(setup, mesh)])
     region = _regions(setup, mesh)
     if np.any(region < 0):
         text = (
@@ -387,6 +387,17 @@ def _measured(setup: Setup, mesh: SurfaceMesh, which: int, region: Integers) -> 
         )
         raise DescriptionError(Mistake(("mesh",), text))
     return found
+
+
+def _hit(setup: Setup, mesh: SurfaceMesh) -> Iterator[Mistake]:
+    """Find forces at points that are away from the surface."""
+    for i, load in enumerate(setup.loads):
+        if load.point is None:
+            continue
+        away = float(np.linalg.norm(nearest_place(mesh, np.array(load.point))[0] - load.point))
+        if away > max(_FAR * mesh.size, load.radius):
+            text = f"load {load.name!r} at {list(load.point)} m is away from the surface by {away:.3g} m. Move it there."
+            yield Mistake(("loads", i, "point"), text)
 
 
 def _gauges(setup: Setup, mesh: SurfaceMesh, normals: Vector) -> Iterator[Gauge]:
