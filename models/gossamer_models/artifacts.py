@@ -120,7 +120,8 @@ def made_from(kind: Any, value: Any) -> Any:  # noqa: ANN401
     """Make a value of a type from JSON: of a dataclass, a tuple or what stands for one, a dictionary, a number, a text."""
     origin, parts = get_origin(kind), get_args(kind)
     if origin is types.UnionType:  # with None, or of a number and a tuple
-        return None if value is None else made_from(parts[-1 if isinstance(value, list) else 0], value)
+        known = [part for part in parts if part is not type(None)]
+        return None if value is None else made_from(known[-1 if isinstance(value, list) else 0], value)
     if origin in (tuple, list):
         return origin(made_from(parts[0], each) for each in value)
     if origin is dict:

@@ -2,8 +2,20 @@
 
 import numpy as np
 import pytest
-from gossamer_models.membrane import Edge, Gas, Load, Region, Sensor, Setup, Support, make_structure, surface_mesh
+from gossamer_models.membrane import (
+    Edge,
+    Gas,
+    Load,
+    Region,
+    Sensor,
+    Setup,
+    Support,
+    make_structure,
+    read_structure,
+    surface_mesh,
+)
 from gossamer_models.membrane.gauges import gauge
+from gossamer_models.membrane.portable import structure_text
 from gossamer_models.mistakes import DescriptionError
 from oracles import axisymmetric
 from oracles.meshes import ball, disc, meshed, rectangle, rim, started, tube
@@ -47,6 +59,8 @@ def test_a_force_at_a_point_has_its_resultant_there_and_spread_over_a_radius_is_
         force = structure.unit_forces["hit"].reshape(-1, 3)
         np.testing.assert_allclose(force.sum(axis=0), (0.0, 0.0, 1.0), atol=1e-12)
         np.testing.assert_allclose(force[:, 2] @ structure.mesh.nodes, place, atol=near)
+        again = read_structure(structure_text(structure))
+        np.testing.assert_array_equal(again.unit_forces["hit"], structure.unit_forces["hit"])
     R, a, T = 1.0, 0.2, 1e5 * H
     film = Region(youngs_modulus=E, poisson_ratio=NU, density=1000.0, thickness=H, prestress=(T / H, T / H, 0.0))
     load = Load(name="hit", kind="force", point=(0.0, 0.0, 0.0), radius=a, start=0.1)
