@@ -1,5 +1,6 @@
 """Commands and snippets of the site's tutorials run as they are printed, one after another, and end where they say."""
 
+import json
 import os
 import re
 import shlex
@@ -109,3 +110,14 @@ def test_a_dish_from_nothing_to_its_damaged_zone(tmp_path, monkeypatch, capsys):
     share, deviation = map(int, re.search(r"ring 3 sector 4: (\d+) % \+- (\d+) %", printed).groups())
     assert abs(share - 30) <= max(1, 3 * deviation)
     assert "valid: True" in printed
+
+
+def test_debris_is_felt_by_the_attitude_seen_by_the_watch_and_measured_by_the_twin(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    names = walk("debris.md", tmp_path)
+    assert 2.0 < names["after"] / names["quiet"] < 6.0
+    (alarm,) = json.loads((tmp_path / "out/watch.json").read_text(encoding="utf-8"))["alarms"]
+    assert 0.075 < alarm < 0.085
+    assert names["answer"]["valid"]
+    assert list(names["found"]) == ["ring 2 sector 1"]
+    assert names["found"]["ring 2 sector 1"] == pytest.approx(25.0, abs=1.0)

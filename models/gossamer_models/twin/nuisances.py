@@ -89,10 +89,13 @@ class Loads:
         Parameters, and inputs in whose equilibrium the record begins, that differ from those of the model.
     histories : mapping of str to ndarray of shape (n,)
         Inputs at each sample, or in each state.
+    exact : tuple of str
+        Inputs that act as the record says, but for what a fault takes of them.
     """
 
     start: Mapping[str, float] = field(default_factory=dict)
     histories: Mapping[str, Vector] = field(default_factory=dict)
+    exact: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -232,7 +235,8 @@ class Nuisances:
     @property
     def scaled(self) -> tuple[str, ...]:
         """Inputs whose histories have an unknown factor."""
-        acting = (name for name, values in self.loads.histories.items() if np.ptp(values) > 0.0)
+        loads = self.loads
+        acting = (name for name, values in loads.histories.items() if np.ptp(values) > 0.0 and name not in loads.exact)
         return tuple(acting) if "amplitude" in self.kinds else ()
 
     @property

@@ -417,7 +417,8 @@ class Twin:
                 raise DataError(msg)
 
     def _nuisances(self, kinds: tuple[str, ...], record: ResponseRecord) -> Nuisances:
-        model, loads = self._forward, Loads(record.start, record.inputs)
+        exact = tuple(fault.parameter for fault in self.faults)  # a factor of its own would be the same as the fault
+        model, loads = self._forward, Loads(record.start, record.inputs, exact)
         period = model.period if set(kinds) & set(model.inputs) else math.inf
         known = model.parameters, model.inputs, model.sensors, loads, record.step * record.samples, period
         spread = self._spread.of_structure if self._spread is not None and record.kind == "resistance" else self._spread
