@@ -1,10 +1,10 @@
 """Faults that are no torn zones: whether a twin names the right one, and how sure it is.
 
-``python -m studies.faults [CASES] [--finer] [--sail]`` from the folder ``docs`` prints a line for each case and for each
+``python -m studies.faults [CASES] [NOISE] [--finer] [--sail]`` from the folder ``docs`` prints a line for each case and for each
 fault, and at the end how sure the first explanations were, and how often right. The shipped dish on a rim of springs,
 calibrated on two healthy records: 5 % less gas, or the rim half as stiff; the shipped sail in eight load states, calibrated
-on one: a boom that pulls 10 % less. Without and with 20 % damage in a zone. Strain noise 1e-4. ``--finer``: the truth has
-finer elements than the twin.
+on one: a boom that pulls 10 % less. Without and with 20 % damage in a zone. Strain noise 1e-4 unless it is given.
+``--finer``: the truth has finer elements than the twin.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from .structures import READINGS, pulled, shipped
 
 Array = NDArray[np.float64]
-NOISE, STEP, SAMPLES = 1e-4, 2.5e-4, 400
+STEP, SAMPLES = 2.5e-4, 400
 RIM = 2e6  # [N/m]
 DISH = {
     "nothing": ({}, 0.0),
@@ -31,26 +31,30 @@ DISH = {
 }
 SAIL = {"nothing": ({}, 0.0), "slack boom x": ({"boom_x": 0.9}, 0.1)}
 DEPTH, WRONG = 0.2, 0.05
-Recorder = Callable[[MembraneForward, Array, dict[str, float], np.random.Generator], ResponseRecord]
+Recorder = Callable[[MembraneForward, Array, dict[str, float], float, np.random.Generator], ResponseRecord]
 
 
-def of_dish(truth: MembraneForward, damage: Array, given: dict[str, float], random: np.random.Generator) -> ResponseRecord:
+def of_dish(
+    truth: MembraneForward, damage: Array, given: dict[str, float], noise: float, random: np.random.Generator
+) -> ResponseRecord:
     """Simulate a record of motion under a load that is off by 5 % (deviation)."""
     amplitude = 100.0 * (1.0 + 0.05 * random.standard_normal())
     start = {name: np.array([value]) for name, value in ({"pressure_amplitude": amplitude} | given).items()}
     y = truth.strain(damage[None], start, {}, SAMPLES, STEP)[0]
-    return ResponseRecord(step=STEP, values=y + NOISE * random.standard_normal(y.shape), noise=NOISE)
+    return ResponseRecord(step=STEP, values=y + noise * random.standard_normal(y.shape), noise=noise)
 
 
-def of_sail(truth: MembraneForward, damage: Array, given: dict[str, float], random: np.random.Generator) -> ResponseRecord:
+def of_sail(
+    truth: MembraneForward, damage: Array, given: dict[str, float], noise: float, random: np.random.Generator
+) -> ResponseRecord:
     """Simulate load states; what the booms pull is less than the record says by the share that is given."""
     stated = pulled(np.zeros(0))
     acting = {name: given.get(name, 1.0) * values for name, values in stated.items()}
     y = np.repeat(truth.states(damage[None], {}, acting)[0], READINGS, axis=1)
     count = y.shape[1] // READINGS
     return StaticRecord(
-        values=y + NOISE * random.standard_normal(y.shape),
-        noise=NOISE,
+        values=y + noise * random.standard_normal(y.shape),
+        noise=noise,
         inputs=stated,
         state=np.repeat(np.arange(count), READINGS),
         names=tuple(str(k + 1) for k in range(count)),
@@ -66,13 +70,14 @@ def dish() -> Structure:
 
 def main() -> None:
     """Print the lines."""
-    counts = [int(word) for word in sys.argv[1:] if word.isdigit()]
-    cases, finer, sail = counts[0] if counts else 2, "--finer" in sys.argv, "--sail" in sys.argv
+    given_numbers = [float(word) for word in sys.argv[1:] if not word.startswith("-")]
+    cases, noise = int(given_numbers[0]) if given_numbers else 2, given_numbers[1] if given_numbers[1:] else 1e-4
+    finer, sail = "--finer" in sys.argv, "--sail" in sys.argv
     structure = shipped("sail") if sail else dish()
     record: Recorder = of_sail if sail else of_dish
     truth, random = MembraneForward(structure.finer() if finer else structure), np.random.default_rng(5)
     names, undamaged = structure.zone_names, np.zeros(structure.n_zones)
-    healthy = [record(truth, undamaged, {}, random) for _ in range(1 if sail else 2)]
+    healthy = [record(truth, undamaged, {}, noise, random) for _ in range(1 if sail else 2)]
     begun = time.process_time()
     known = calibrate(structure, healthy, priors={} if sail else {"density": 0.0}, mesh_error=finer)
     print(f"calibrated in {time.process_time() - begun:.0f} s of CPU: {'; '.join(known.doubts) or 'valid'}", flush=True)
@@ -86,7 +91,7 @@ def main() -> None:
             if case >= cases:
                 damage[random.integers(len(names))] = DEPTH
             begun = time.process_time()
-            answer = twin.fit(record(truth, damage, given, random))
+            answer = twin.fit(record(truth, damage, given, noise, random))
             probability, texts = answer.explanations[0]
             what = {text.rpartition(" ")[0].rpartition(" ")[0] for text in texts}
             true = {fault} - {"nothing"} | {name for name, depth in zip(names, damage, strict=True) if depth}
