@@ -1,7 +1,7 @@
 """Faults that are no torn zones: whether a twin names the right one, and how sure it is.
 
-``python -m studies.faults [CASES] [NOISE] [--finer] [--sail]`` from the folder ``docs`` prints a line for each case and for each
-fault, and at the end how sure the first explanations were, and how often right. The shipped dish on a rim of springs,
+``python -m studies.faults [CASES] [NOISE] [--finer] [--sail]`` from the folder ``docs`` prints a line for each case and for
+each fault, and at the end how sure the first explanations were, and how often right. The shipped dish on a rim of springs,
 calibrated on two healthy records: 5 % less gas, or the rim half as stiff; the shipped sail in eight load states, calibrated
 on one: a boom that pulls 10 % less. Without and with 20 % damage in a zone. Strain noise 1e-4 unless it is given.
 ``--finer``: the truth has finer elements than the twin.
