@@ -60,6 +60,7 @@ _NUMBER = re.compile(r"(?<![\w.])(\d+\.\d*(?:e[+-]?\d+)?)(?![\w.])")
 _INDEX = re.compile(r"\((?:casadi_)?int\) ?(\*c[rs](?:\+\+)?|\w+\[\w+\]|x\b)")
 _LOW = re.compile(r"^  switch \(lookup_mode\) \{.*?default:\n *\{\n(.*?)      \}\n  \}\n", re.DOTALL | re.MULTILINE)
 _FUNCTION = re.compile(r"/\* (\w+):[^\n]*\*/\nstatic int (casadi_f\d+)\(.*?\n\}\n", re.DOTALL)
+_BEGIN = re.compile(r"^(static int casadi_f\d+\(.*\{)$", re.MULTILINE)
 _PLACE = re.compile(r"\*w(\d+)=w\+(\d+)")
 _CALL = re.compile(r"\b(casadi_f\d+)\([^()]*, iw, w, 0\)")
 
@@ -362,8 +363,7 @@ def _header(model: StepModel, sizes: dict[str, int], bits: FloatBits) -> str:
         "",
         f'_Static_assert(sizeof(component_real) == {bits // 8}, "the width of numbers");',
         '_Static_assert(sizeof(int) == 4, "the width of indices");',
-        "_Static_assert(sizeof(component_block) >= (COMPONENT_N_PARAMETERS + COMPONENT_N_RESULTS + COMPONENT_N_STATES + 1) *",
-        '               sizeof(component_real) + 40, "the size of a block");',
+        f'_Static_assert(sizeof(component_parameters) == {len(parameters) * bits // 8}, "no gaps");',
         "",
         *_starts("parameters", parameters, bits),
         *_starts("inputs", inputs, bits),
@@ -398,7 +398,7 @@ _BITS = (
     f"#define COMPONENT_INVALID 0x{sum(1 << k for k, (name, _) in enumerate(HEALTH) if name not in _USABLE):03x}U",
     "#define COMPONENT_STAYS (COMPONENT_GAP | COMPONENT_CONSTANTS)",
 )
-_PROTOTYPES = """/* Begin: state from parameters and the first sample. Returns health; with COMPONENT_LOST there is no state. */
+_PROTOTYPES = """/* Begin: state from parameters and the first sample. Returns health; COMPONENT_LOST where there is no state. */
 uint32_t component_init(component *c, const component_parameters *p, component_real period, const component_inputs *u,
                         component_work *w);
 

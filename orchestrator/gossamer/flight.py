@@ -11,7 +11,7 @@ from gossamer_files.inputs import check_outputs
 from gossamer_files.tables import TableText
 
 from .arguments import File, Folder, Scales, command
-from .results import Result
+from .results import Saved
 
 _ROWS = (  # key, words, unit
     ("text", "code", "byte"),
@@ -27,13 +27,13 @@ _ROWS = (  # key, words, unit
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class FlightCode(Result):
+class FlightCode(Saved):
     """A component for a flight processor.
 
     Attributes
     ----------
-    folder : Path
-        Where its sources are.
+    files : sequence of Path
+        The folder of its sources.
     kind : str
         What it is.
     bits : int
@@ -42,13 +42,9 @@ class FlightCode(Result):
         What it needs on a Cortex-M7, by name; empty where that was not measured.
     """
 
-    folder: Path
     kind: str
     bits: int
     budgets: dict[str, float]
-
-    def __fspath__(self) -> str:
-        return str(self.folder)
 
     @property
     def sentence(self) -> str:
@@ -62,11 +58,11 @@ class FlightCode(Result):
 
     def hints(self) -> list[str]:
         """Return what to type next."""
-        return [f"Type 'make -C {self.folder} golden': it compiles and runs the golden vectors."]
+        return [f"Type 'make -C {self.path} golden': it compiles and runs the golden vectors."]
 
     def to_json(self) -> dict[str, Any]:
         """Return the folder and the budgets."""
-        return {"folder": self.folder, "kind": self.kind, "bits": self.bits, "budgets": self.budgets, "files": self.files}
+        return {"folder": self.path, "kind": self.kind, "bits": self.bits, "budgets": self.budgets}
 
 
 @command
@@ -133,5 +129,4 @@ def flight(
     measured = budgets(folder, kind) if measure else {}
     if measured:
         (folder / "budgets.json").write_text(json.dumps(measured, indent=1), encoding="utf-8")
-    paths = [folder / f"{kind}.h"]
-    return FlightCode(folder=folder, kind=kind, bits=float, budgets=measured, files=paths)
+    return FlightCode(files=[folder], kind=kind, bits=float, budgets=measured)
