@@ -357,7 +357,7 @@ def _header(model: StepModel, sizes: dict[str, int], bits: FloatBits) -> str:
         f"  const component_real *arg[{sizes['ARG']}];",
         f"  component_real *res[{sizes['RES']}];",
         f"  int iw[{sizes['IW']}];",
-        "  component_real x[COMPONENT_N_STATES];",
+        *["  component_real x[COMPONENT_N_STATES];"] * (model.step_limit is not None),
         f"  component_real w[{sizes['W']}];",
         "} component_work;",
         "",
@@ -398,7 +398,7 @@ _BITS = (
     f"#define COMPONENT_INVALID 0x{sum(1 << k for k, (name, _) in enumerate(HEALTH) if name not in _USABLE):03x}U",
     "#define COMPONENT_STAYS (COMPONENT_GAP | COMPONENT_CONSTANTS)",
 )
-_PROTOTYPES = """/* Begin: state from parameters and the first sample. Returns health; COMPONENT_LOST where there is no state. */
+_PROTOTYPES = """/* Begin: state from parameters and the first sample. Returns health; COMPONENT_LOST: there is no state. */
 uint32_t component_init(component *c, const component_parameters *p, component_real period, const component_inputs *u,
                         component_work *w);
 

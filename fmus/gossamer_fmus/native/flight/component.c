@@ -234,9 +234,8 @@ static bool advance(const component *c, const component_real *inputs, component_
   const component_real part = h / (component_real)parts;
   bool done = true;
   next->period = c->first.period;
-  (void)memcpy(w->x, c->first.state, sizeof w->x);
+  w->arg[0] = c->first.state;
   for (uint32_t i = 0U; done && (i < parts); i++) {
-    w->arg[0] = w->x;
     w->arg[1] = inputs;
     w->arg[2] = c->first.parameters;
     w->arg[3] = &part;
@@ -244,7 +243,10 @@ static bool advance(const component *c, const component_real *inputs, component_
     w->res[1] = next->results;
     done = (COMPONENT_STEP(w->arg, w->res, w->iw, w->w, 0) == 0) && all_finite(next->state, COMPONENT_N_STATES) &&
            all_finite(next->results, COMPONENT_N_RESULTS);
+#if COMPONENT_STEP_LIMIT >= 0
     (void)memcpy(w->x, next->state, sizeof w->x);
+    w->arg[0] = w->x;
+#endif
   }
   return done;
 }
