@@ -272,10 +272,10 @@ def _places(function: ca.Function) -> list[int]:
     """Return the number of elements of each value of a function in its work space."""
     sizes: dict[int, int] = {}
     for k in range(function.n_instructions() if function.is_a("MXFunction") else 0):
-        places = function.instruction_output(k)
-        for i, place in enumerate(places if function.instruction_id(k) != ca.OP_OUTPUT else []):
+        places, kind = function.instruction_output(k), function.instruction_id(k)
+        for i, place in enumerate(places if kind != ca.OP_OUTPUT else []):
             value = function.instruction_MX(k)
-            size = (value.get_output(i) if len(places) > 1 else value).nnz()
+            size = (value.get_output(i) if kind == ca.OP_CALL or len(places) > 1 else value).nnz()
             sizes[place] = max(sizes.get(place, 0), size)
     return [sizes.get(place, 0) for place in range(max(sizes, default=-1) + 1)]
 
@@ -336,21 +336,22 @@ def _header(model: StepModel, sizes: dict[str, int], bits: FloatBits) -> str:
             lines += ["  uint32_t sequence; /* of the last sample that was used */", "  uint32_t health; /* of this step */"]
         lines += [*["  uint32_t crc;"] * (what != "parameters"), f"}} component_{what};", ""]
     lines += [
-        "enum { COMPONENT_COUNT_STEPS, COMPONENT_COUNT_REFUSED, COMPONENT_COUNT_MISSED, COMPONENT_COUNT_HEALED,",
-        "       COMPONENT_COUNT_FAILED, COMPONENT_N_COUNTS };",
+        "/* counts since init; they stop at their largest value */",
+        *(f"#define COMPONENT_COUNT_{each} {k}" for k, each in enumerate(_COUNTS)),
+        f"#define COMPONENT_N_COUNTS {len(_COUNTS)}U",
         "",
         "typedef struct { /* all that is remembered; it may be saved and restored as it is, on the same processor */",
         "  component_real parameters[COMPONENT_N_PARAMETERS];",
         "  component_real results[COMPONENT_N_RESULTS];",
         "  component_real state[COMPONENT_N_STATES];",
         "  component_real period; /* [s] */",
-        "  uint32_t version, sequence, health, next_list;",
-        "  uint32_t counts[COMPONENT_N_COUNTS]; /* since init; they stop at their largest value */",
+        *(f"  uint32_t {each};" for each in ("version", "sequence", "health", "next_list", "counts[COMPONENT_N_COUNTS]")),
         "  uint32_t crc;",
         "} component_block;",
         "",
         "typedef struct {",
-        "  component_block first, second;",
+        "  component_block first;",
+        "  component_block second;",
         "} component;",
         "",
         "typedef struct { /* what a step writes before it reads it: components that run in turn may share one */",
@@ -361,9 +362,9 @@ def _header(model: StepModel, sizes: dict[str, int], bits: FloatBits) -> str:
         f"  component_real w[{sizes['W']}];",
         "} component_work;",
         "",
-        f'_Static_assert(sizeof(component_real) == {bits // 8}, "the width of numbers");',
-        '_Static_assert(sizeof(int) == 4, "the width of indices");',
-        f'_Static_assert(sizeof(component_parameters) == {len(parameters) * bits // 8}, "no gaps");',
+        f'_Static_assert(sizeof(component_real) == {bits // 8}U, "the width of numbers");',
+        '_Static_assert(sizeof(int) == 4U, "the width of indices");',
+        f'_Static_assert(sizeof(component_parameters) == {len(parameters) * bits // 8}U, "no gaps");',
         "",
         *_starts("parameters", parameters, bits),
         *_starts("inputs", inputs, bits),
@@ -391,6 +392,7 @@ HEALTH = (
     ("GAP", "more than COMPONENT_LONGEST_GAP samples were missing; stays until init or restore"),
 )
 _USABLE = ("MISSED", "HEALED")
+_COUNTS = ("STEPS", "REFUSED", "MISSED", "HEALED", "FAILED")
 _BITS = (
     "/* health, one bit each */",
     *(f"#define COMPONENT_{name} 0x{1 << k:03x}U /* {meaning} */" for k, (name, meaning) in enumerate(HEALTH)),
@@ -481,7 +483,9 @@ def _table(model: StepModel, lists: str, bits: FloatBits, limit: int | None) -> 
         "",
         "typedef struct {",
         "  const void *begin;",
-        "  uint32_t words, is_of_numbers, folded; /* of 32 bits; all words, exclusive or */",
+        "  uint32_t words; /* of 32 bits */",
+        "  uint32_t is_of_numbers;",
+        "  uint32_t folded; /* all words, exclusive or */",
         "} component_list;",
         "",
     ]

@@ -106,7 +106,7 @@ bool component_constants_hold(void) {
   for (uint32_t k = 0U; k < COMPONENT_N_LISTS; k++) {
     const component_list *list = &COMPONENT_LISTS[k];
     hold = hold && (folded(list) == list->folded);
-    if (list->is_of_numbers) {
+    if (list->is_of_numbers != 0U) {
       c = crc_numbers(c, list->begin, list->words / (sizeof(component_real) / 4U));
     }
   }
@@ -151,7 +151,7 @@ static void seal_both(component *c) {
   c->first = c->second;
 }
 
-/* Make both copies the same and whole; false where neither is. */
+/* Make both copies the same and whole; false where neither is. The first one is that which was true last. */
 static bool heal(component *c, uint32_t *health) {
   bool whole = (c->first.crc == crc_block(&c->first)) && (c->first.version == COMPONENT_VERSION);
   if (!whole) {
@@ -165,20 +165,6 @@ static bool heal(component *c, uint32_t *health) {
     c->second = c->first;
   }
   return whole;
-}
-
-static void write_outputs(const component_block *b, uint32_t health, component_outputs *y) {
-  component_to_outputs(b->results, y);
-  y->sequence = b->sequence;
-  y->health = health;
-  y->crc = crc_outputs(y);
-}
-
-static uint32_t lost(component_outputs *y) {
-  (void)memset(y, 0, sizeof *y);
-  y->health = COMPONENT_LOST;
-  y->crc = crc_outputs(y);
-  return COMPONENT_LOST;
 }
 
 uint32_t component_init(component *c, const component_parameters *p, component_real period, const component_inputs *u,
@@ -205,16 +191,17 @@ uint32_t component_init(component *c, const component_parameters *p, component_r
       health |= COMPONENT_FAILED;
     }
   }
-  if ((health & (COMPONENT_CONSTANTS | COMPONENT_REFUSED | COMPONENT_FAILED)) != 0U) {
+  if (health == 0U) {
+    b->period = period;
+    b->version = COMPONENT_VERSION;
+    b->sequence = u->sequence;
+    health = judged(b->results);
+    b->health = health;
+    seal_both(c);
+  } else {
+    health |= COMPONENT_LOST;
     (void)memset(c, 0, sizeof *c); /* no block: every step says that it is lost */
-    return health | COMPONENT_LOST;
   }
-  b->period = period;
-  b->version = COMPONENT_VERSION;
-  b->sequence = u->sequence;
-  health |= judged(b->results);
-  b->health = health;
-  seal_both(c);
   return health;
 }
 
@@ -222,18 +209,15 @@ uint32_t component_init(component *c, const component_parameters *p, component_r
 static bool advance(const component *c, const component_real *inputs, component_real h, component_block *next,
                     component_work *w) {
   uint32_t parts = 1U;
+  bool done = true;
 #if COMPONENT_STEP_LIMIT >= 0
   const component_real ratio = (h / c->first.parameters[COMPONENT_STEP_LIMIT]) * COMPONENT_NEARLY_ONE;
-  if (!(ratio <= (component_real)COMPONENT_MOST_PARTS)) {
-    return false;
-  }
-  while ((component_real)parts < ratio) {
+  done = ratio <= (component_real)COMPONENT_MOST_PARTS;
+  while (done && ((component_real)parts < ratio)) {
     parts++;
   }
 #endif
   const component_real part = h / (component_real)parts;
-  bool done = true;
-  next->period = c->first.period;
   w->arg[0] = c->first.state;
   for (uint32_t i = 0U; done && (i < parts); i++) {
     w->arg[1] = inputs;
@@ -271,19 +255,16 @@ static uint32_t admitted(const component_block *b, const component_inputs *u, co
   return health;
 }
 
-uint32_t component_step(component *c, const component_inputs *u, component_outputs *y, component_work *w) {
+/* Take a sample into the second copy, from the first. */
+static uint32_t taken(component *c, const component_inputs *u, component_work *w) {
   component_real inputs[COMPONENT_N_INPUTS];
   component_block *next = &c->second;
-  uint32_t health = 0U;
   uint32_t periods = 0U;
-  if (!heal(c, &health)) {
-    return lost(y);
-  }
-  health |= c->first.health & COMPONENT_STAYS;
-  if (!lists_hold(next->next_list, COMPONENT_LISTS_PER_STEP)) {
+  uint32_t health = c->first.health & COMPONENT_STAYS;
+  if (!lists_hold(next->next_list % COMPONENT_N_STEP_LISTS, COMPONENT_LISTS_PER_STEP)) {
     health |= COMPONENT_CONSTANTS;
   }
-  next->next_list = (next->next_list + COMPONENT_LISTS_PER_STEP) % COMPONENT_N_STEP_LISTS;
+  next->next_list = ((next->next_list % COMPONENT_N_STEP_LISTS) + COMPONENT_LISTS_PER_STEP) % COMPONENT_N_STEP_LISTS;
   component_from_inputs(u, inputs);
   health |= admitted(&c->first, u, inputs, &periods);
   if ((health & (COMPONENT_REFUSED | COMPONENT_REPEATED | COMPONENT_CONSTANTS)) != 0U) {
@@ -300,10 +281,23 @@ uint32_t component_step(component *c, const component_inputs *u, component_outpu
       count_up(&next->counts[COMPONENT_COUNT_MISSED]);
     }
   }
-  health |= judged(next->results);
-  next->health = health;
-  seal_both(c);
-  write_outputs(&c->first, health, y);
+  return health | judged(next->results);
+}
+
+uint32_t component_step(component *c, const component_inputs *u, component_outputs *y, component_work *w) {
+  uint32_t health = 0U;
+  if (heal(c, &health)) {
+    health |= taken(c, u, w);
+    c->second.health = health;
+    seal_both(c);
+    component_to_outputs(c->first.results, y);
+    y->sequence = c->first.sequence;
+  } else {
+    health = COMPONENT_LOST;
+    (void)memset(y, 0, sizeof *y);
+  }
+  y->health = health;
+  y->crc = crc_outputs(y);
   return health;
 }
 
