@@ -181,7 +181,9 @@ def _mathematics(model: StepModel, bits: FloatBits) -> tuple[str, str, dict[str,
         code = _NUMBER.sub(lambda found: f"{_in_float(float(found[1]))!r}f", code)
     bodies = {found[2]: found[0] for found in _FUNCTION.finditer(code)}
     stepping = "".join(body for name, body in bodies.items() if name != names["init"])
-    of_step, of_init, checksum = [], [], 0
+    of_step: list[tuple[int, str, Vector | None]] = []  # words, line of the table, numbers if they are reals
+    of_init: list[tuple[int, str, Vector | None]] = []
+    checksum = 0
     for kind, name, count, values in _LIST.findall(code):
         is_real = kind == "casadi_real"
         numbers = np.array(values.replace("f", "").split(","), dtype=f"<f{bits // 8}" if is_real else "<i4")

@@ -86,7 +86,9 @@ def test_golden_vectors_are_what_the_native_fmu_gives(vectors, built, unzipped_o
     path = built("native")["compensator"]
     fmu = Instance(path, unzipped_once(path))
     try:
-        fmu.initialize(**dict(zip(names[0], parameters, strict=True)), **dict(zip(names[1], inputs[0].tolist(), strict=True)))
+        fmu.initialize(
+            **dict(zip(names[0], parameters, strict=True)), **dict(zip(names[1], inputs[0].tolist(), strict=True))
+        )
         rows = [fmu.get(*names[2])]
         for row in inputs[1:]:
             for name, value in zip(names[1], row.tolist(), strict=True):
@@ -143,7 +145,7 @@ def test_it_needs_mathematics_and_nothing_else(written, kind):
     run(COMPILERS[0], "-std=c11", "-O1", "-ffp-contract=off", "-c", f"{kind}.c", "-o", "bare.o", folder=folder)
     symbols = [line.split() for line in run("nm", "bare.o", folder=folder).splitlines()]
     wanted = {words[-1] for words in symbols if words[-2] == "U"}
-    assert wanted <= {"memcpy", "memset", "__stack_chk_fail", *"exp expm1 log log1p pow tan floor fmax fmin fabs sqrt".split()}
+    assert wanted <= {"memcpy", "memset", "__stack_chk_fail", "exp", "expm1", "floor", "fmax", "fmin", "fabs", "sqrt"}
     assert not [words for words in symbols if words[-2] in "bBC"]  # nothing that is written lies outside the caller's memory
     exported = {words[-1] for words in symbols if words[-2] == "T"}
     assert all(name.startswith(f"{kind}_") for name in exported)
@@ -234,8 +236,7 @@ def flown(library, vectors):
 
 
 @pytest.mark.parametrize(
-    "change",
-    [{"resistance": math.nan}, {"resistance": math.inf}, {"temperature": -1.0}, {"known": 2.0}],
+    "change", [{"resistance": math.nan}, {"resistance": math.inf}, {"temperature": -1.0}, {"known": 2.0}]
 )
 def test_a_sample_that_is_no_number_or_out_of_range_is_refused_and_bridged(flown, change):
     flown.until(50)
@@ -332,7 +333,9 @@ def test_any_input_and_any_state_end_in_a_defined_way(written):
     folder = written("compensator")
     (folder / "try.c").write_text("int main(void) { return 0; }\n")
     sanitize = ["-fsanitize=undefined,address,float-cast-overflow", "-fno-sanitize-recover=all"]
-    if subprocess.run([COMPILERS[0], *sanitize, "try.c", "-o", "try"], cwd=folder, capture_output=True, check=False).returncode:
+    if subprocess.run(
+        [COMPILERS[0], *sanitize, "try.c", "-o", "try"], cwd=folder, capture_output=True, check=False
+    ).returncode:
         pytest.skip("the compiler here has no sanitizers")
     assert "1000 calls" in run(*MAKE[:-1], "OPT=-O0", "fuzz", "CALLS=1000", folder=folder)
 
