@@ -74,7 +74,7 @@ def test_it_compiles_without_warnings(written, kind, bits, compiler):
 
 
 @needs_compiler
-@pytest.mark.parametrize(("kind", "bound"), [("compensator", 1e-6), ("estimator", 5e-5), ("filter", 5e-4)])
+@pytest.mark.parametrize(("kind", "bound"), [("compensator", 1e-6), ("estimator", 5e-5)])
 def test_single_precision_is_as_good_as_the_page_says(written, kind, bound):
     assert 0.0 < printed(run(*MAKE, "golden", folder=written(kind, 32)))["worst"] < bound
 
@@ -124,6 +124,16 @@ def test_what_is_counted_is_instructions(written, tmp_path):
     make = (tmp_path / "Makefile").read_text().replace("compensator.c golden.c board.c", "loop.c board.c")
     (tmp_path / "Makefile").write_text(re.sub(r"^board\.elf: .*$", "board.elf: loop.c", make, flags=re.MULTILINE))
     assert printed(run("make", "-s", "qemu", folder=tmp_path))["count"] == pytest.approx(2e6, abs=100)
+
+
+@pytest.mark.skipif(not (shutil.which("s390x-linux-gnu-gcc") and shutil.which("qemu-s390x")), reason="no s390x here")
+def test_a_processor_with_the_highest_byte_first_gives_the_same_bits(written):
+    folder = written("compensator")
+    options = ("-std=c11", "-O1", "-ffp-contract=off", "-static")
+    run("s390x-linux-gnu-gcc", *options, "compensator.c", "golden.c", "-lm", "-o", "highest_first", folder=folder)
+    found = printed(run("qemu-s390x", "highest_first", folder=folder))
+    assert found["worst"] <= 1e-12
+    assert found["health"] == 0
 
 
 def test_a_function_that_calls_itself_has_no_stack_bound():
@@ -350,13 +360,16 @@ def test_cmake_builds_and_runs_it(written, tmp_path):
     assert "results are valid" in run(tmp_path / "example", folder=tmp_path)
 
 
-def test_the_deviations_from_misra_are_those_of_the_page(written):
+def test_the_deviations_from_misra_are_those_of_the_page(written, tmp_path):
+    """With a number in place of each long list: the rules are of code."""
     if not shutil.which("cppcheck"):
         pytest.skip("no cppcheck here")
+    for path in written("compensator").glob("compensator*.[ch]"):
+        (tmp_path / path.name).write_text(re.sub(r"= *\n? *\{[^{};/]{400,}\};", "= {0};", path.read_text()))
     page = (Path(__file__).parents[2] / "docs/flight.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| (\d+\.\d+) \| (our|CasADi's)", page, re.MULTILINE)
-    command = ("--std=c11", "--enable=style", "--addon=misra", "--suppress=missingIncludeSystem", "compensator.c")
-    done = subprocess.run(["cppcheck", *command], cwd=written("compensator"), capture_output=True, text=True, check=False)
+    command = ("--std=c11", "--max-configs=1", "--enable=style", "--addon=misra", "compensator.c")
+    done = subprocess.run(["cppcheck", *command], cwd=tmp_path, capture_output=True, text=True, check=False)
     found = set(re.findall(r"^compensator(_math|_table)?\.[ch]:.*\[misra-c2012-([\d.]+)\]$", done.stderr, re.MULTILINE))
-    assert {rule for part, rule in found if part != "_math"} <= {rule for rule, whose in rows if whose == "our"}
+    assert {rule for part, rule in found if part != "_math"} == {rule for rule, whose in rows if whose == "our"}
     assert {rule for part, rule in found if part == "_math"} <= {rule for rule, _ in rows}
