@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import zlib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,9 @@ from gossamer_fmus.catalogue import make_model
 from gossamer_fmus.flight import HEALTH, PERIOD, flight_files, golden_vectors
 from gossamer_fmus.flight_budgets import FlightError, budgets, missing_tools, stack_bound
 from gossamer_models import ParameterError
+from gossamer_models.compensator import compensator_model
+from gossamer_models.sensor import default_artifact
+from oracles.direct import direct_inverse
 
 KINDS = ("compensator", "estimator", "filter")
 BIT = {name: 1 << k for k, (name, _) in enumerate(HEALTH)}
@@ -62,6 +66,24 @@ def printed(text):
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_component_has_the_bits_of_the_model(written, kind):
     found = printed(run(*MAKE, "golden", folder=written(kind)))
+    assert found["different"] == found["health"] == 0
+
+
+def direct_compensator():
+    return compensator_model(replace(default_artifact(), inverse=direct_inverse()), ageing=True), make_model("sensor")
+
+
+def thesis_detector():
+    return make_model("detector", artifact=Path("single_damage")), None
+
+
+@needs_compiler
+@pytest.mark.parametrize("make", [direct_compensator, thesis_detector])
+def test_so_has_one_of_an_artifact(tmp_path, make):
+    model, sensor = make()
+    for name, content in flight_files(model, "other", *golden_vectors(model, sensor)).items():
+        (tmp_path / name).write_bytes(content)
+    found = printed(run(*MAKE, "golden", folder=tmp_path))
     assert found["different"] == found["health"] == 0
 
 
