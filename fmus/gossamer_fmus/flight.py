@@ -18,6 +18,7 @@ from __future__ import annotations
 import re
 import zlib
 from collections.abc import Iterator, Sequence
+from functools import reduce
 from pathlib import Path
 from typing import Literal
 
@@ -101,16 +102,12 @@ def flight_files(
     files["component_table.h"] = _table(model, lists, bits, limit)
     files["golden.h"] = _golden(model, vectors, golden, bits)
     files["INTERFACE.md"] = _interface(model, bits)
-    upper, kept = name.upper(), ("golden.h", "component_math.h")
-    named = {
-        file.replace("component", name): text
-        if file in kept
-        else text.replace("component", name).replace("COMPONENT", upper)
-        for file, text in files.items()
-    }
-    named["golden.h"] = named["golden.h"].replace("component", name)
-    named[f"{name}_math.h"] = named[f"{name}_math.h"].replace("COMPONENT", upper)
-    return {file: text.encode() for file, text in named.items()}
+    names = (("component", name), ("COMPONENT", name.upper()))
+
+    def named(text: str) -> str:
+        return reduce(lambda text, pair: text.replace(*pair), names, text)
+
+    return {named(file): named(text).encode() for file, text in files.items()}
 
 
 def golden_vectors(model: StepModel, sensor: StepModel | None) -> tuple[tuple[Vector, Vector], Vector]:
