@@ -34,7 +34,7 @@ TABLES_FILE = "tables.bin"
 _LONG, _MANY = 1_000, 100_000  # numbers of a list, and of all such lists, that text and every library need not repeat
 _FACTORS = re.compile(r"^( *)(casadi_real lt\[\d+\], d\[\d+\], w\[\d+\];)$", re.MULTILINE)
 _LIST = re.compile(r"static const casadi_real (casadi_c\d+)\[\d+\] =\s*\{([^}]*)\};")
-_INTERFACE = re.compile(r"^CASADI_SYMBOL_EXPORT .*?\n\}\n\n?", re.DOTALL | re.MULTILINE)
+INTERFACE = re.compile(r"^CASADI_SYMBOL_EXPORT .*?\n\}\n\n?", re.DOTALL | re.MULTILINE)
 _CONSTANT_MACRO = re.compile(r"#define casadi_c\d+ .*\n")
 _CONSTANT = re.compile(r"\bcasadi_(c\d+)")
 _SPREAD = re.compile(r"static const double element_c.*?\n\}\n", re.DOTALL)
@@ -183,7 +183,7 @@ def loop_sources(model: str, tables: Tables) -> dict[str, bytes]:
     code = safe_for_lanes(generator.dump())
     internal = [internal_name(code, loop.function.name()) for loop in tables.loops]
     # constants are there once: what spreads them over the lanes runs on any processor
-    code = _CONSTANT.sub(r"element_\1", _CONSTANT_MACRO.sub("", _INTERFACE.sub("", code)))
+    code = _CONSTANT.sub(r"element_\1", _CONSTANT_MACRO.sub("", INTERFACE.sub("", code)))
     constants = "".join(_SPREAD.findall(code))
     files["loops.h"] = f"{_sizes(model, tables)}\n{constants}".encode()
     files["elements.h"] = f"{_SPREAD.sub('', code)}\n{_table(tables, internal)}".encode()

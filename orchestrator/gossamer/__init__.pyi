@@ -27,6 +27,8 @@ from .files import new as new
 from .files import plot as plot
 from .files import report as report
 from .files import view as view
+from .flying import FlightCode as FlightCode
+from .flying import flight as flight
 from .fmus import FmuInfo as FmuInfo
 from .fmus import Fmus as Fmus
 from .fmus import build as build

@@ -36,7 +36,7 @@ MORE = "Every command has its own help: gossamer run --help"
 ORDER = (  # of the commands in the help: that of work
     *("new", "build", "validate", "run", "export-ssp", "container", "sweep", "demo"),
     *("report", "view", "plot", "export-vtk", "verify", "info", "train", "calibrate", "twin", "inspect", "watch"),
-    *("campaign", "assess", "assess-detector", "place-sensors", "modes", "reduce", "identify", "recover"),
+    *("campaign", "assess", "assess-detector", "place-sensors", "modes", "reduce", "identify", "recover", "flight"),
 )
 NOTHING = inspect.Parameter.empty
 USAGE, INTERRUPTED = 2, 130  # exit codes

@@ -30,6 +30,7 @@ RUN_BY = {
     "demo": "tests/test_wheel.py",
     "export-ssp": "tests/orchestrator/exchange/test_ssp_export.py",
     "export-vtk": "tests/orchestrator/results/test_surface.py",
+    "flight": f"{CLI}/test_flight_command.py",
     "identify": TUTORIALS,
     "info": TUTORIALS,
     "inspect": f"{CLI}/test_inspect_command.py",

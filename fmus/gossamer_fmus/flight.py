@@ -1,0 +1,547 @@
+"""Write a component for a flight processor: C without an operating system, from the model that its native FMU is built from.
+
+A folder holds, with names that begin with that of the component::
+
+    compensator.h           the interface: units and ranges, a structure, ``init``, ``step``, ``health``
+    compensator.c           what surrounds the mathematics; the same for every model
+    compensator_math.h      init and step, written by CasADi as for the native FMU, without derivatives
+    compensator_table.h     ranges, sizes, and checksums of the constants
+    main.c, golden.c        an example at a fixed rate; vectors with what the model gives for them, and what runs them
+    board.c, board.h, .ld   the start of a Cortex-M7 board that QEMU has
+    upsets.c, fuzz.c        bits that flip; anything for an input
+    INTERFACE.md            the interface, to be read
+    Makefile, CMakeLists.txt
+"""
+
+from __future__ import annotations
+
+import re
+import zlib
+from collections.abc import Iterator, Sequence
+from functools import reduce
+from pathlib import Path
+from typing import Literal
+
+import casadi as ca
+import numpy as np
+from gossamer_models import ParameterError, StepModel, Stepper, Variable
+from gossamer_models.arrays import Vector
+from gossamer_models.batch.code import internal_name
+
+from .c_code import INTERFACE
+
+FloatBits = Literal[32, 64]
+GOLDEN_STEPS, PERIOD = 240, 3e-4  # samples of the golden vectors, [s]
+TOLERANCES = {64: 1e-12, 32: 1e-2}  # of golden vectors, over the largest value of each result
+_MOST_WORDS = 1 << 16  # constants that are checked before every step; where there are more, a list of them in a step
+_JUDGEMENTS = {"saturated": 0.0, "valid": 1.0}  # results that say whether a model explains its inputs, and when it does
+_FUNCTIONS = (
+    "exp",
+    "expm1",
+    "log",
+    "log1p",
+    "pow",
+    "sqrt",
+    "sin",
+    "cos",
+    "tan",
+    "floor",
+    "ceil",
+    "fabs",
+    "fmax",
+    "fmin",
+    "fmod",
+    "tanh",
+)
+
+_DEFINED = re.compile(r"#define casadi_\w+ CASADI_PREFIX\(\w+\)\n")
+_HELPER = re.compile(r"^(casadi_real|casadi_int|void) (casadi_\w+\()", re.MULTILINE)
+_LIST = re.compile(r"static const (casadi_real|casadi_int) (casadi_\w+)\[(\d+)\] =\s*\{([^}]*)\};")
+_NUMBER = re.compile(r"(?<![\w.])(\d+\.\d*(?:e[+-]?\d+)?)(?![\w.])")
+_INDEX = re.compile(r"\((?:casadi_)?int\) ?(\*c[rs](?:\+\+)?|\w+\[\w+\]|x\b)")
+_LOW = re.compile(r"^  switch \(lookup_mode\) \{.*?default:\n *\{\n(.*?)      \}\n  \}\n", re.DOTALL | re.MULTILINE)
+_FUNCTION = re.compile(r"/\* (\w+):[^\n]*\*/\nstatic int (casadi_f\d+)\(.*?\n\}\n", re.DOTALL)
+_BEGIN = re.compile(r"^(static int casadi_f\d+\(.*\{)$", re.MULTILINE)
+_PLACE = re.compile(r"\*w(\d+)=w\+(\d+)")
+_CALL = re.compile(r"\b(casadi_f\d+)\([^()]*, iw, w, 0\)")
+
+
+def flight_files(
+    model: StepModel, name: str, vectors: tuple[Vector, Vector], golden: Vector, bits: FloatBits = 64
+) -> dict[str, bytes]:
+    """Return the files of a component by name.
+
+    Parameters
+    ----------
+    model : StepModel
+        What it runs; one without loops over a mesh.
+    name : str
+        Of the component, an identifier of C; names in its interface begin with it.
+    vectors : tuple of array, shapes (n_parameters,) and (steps + 1, n_inputs)
+        Golden parameters and inputs.
+    golden : array, shape (steps + 1, n_results)
+        Results of the model for them.
+    bits : {32, 64}
+        Of its numbers.
+
+    Raises
+    ------
+    ParameterError
+        The model sums over a mesh, or its internal step is a result.
+    """
+    first_result = model.slices()[2].start
+    limit = None if model.step_limit is None else model.names.index(model.step_limit)
+    if model.tables is not None or model.restarted or (limit is not None and limit >= first_result):
+        msg = f"model {model.name!r} has no fixed number of operations in a step. Choose a compensator or a detector."
+        raise ParameterError(msg)
+    mathematics, lists, sizes = _mathematics(model, bits)
+    here = Path(__file__).parent / "native/flight"
+    files = {path.name: path.read_text(encoding="utf-8") for path in sorted(here.iterdir())}
+    files["component.h"] = _header(model, sizes, bits)
+    files["component_math.h"] = mathematics
+    files["component_table.h"] = _table(model, lists, bits, limit)
+    files["golden.h"] = _golden(model, vectors, golden, bits)
+    files["INTERFACE.md"] = _interface(model, bits)
+    names = (("component", name), ("COMPONENT", name.upper()))
+
+    def named(text: str) -> str:
+        return reduce(lambda text, pair: text.replace(*pair), names, text)
+
+    return {named(file): named(text).encode() for file, text in files.items()}
+
+
+def golden_vectors(model: StepModel, sensor: StepModel | None) -> tuple[tuple[Vector, Vector], Vector]:
+    """Return parameters and inputs of a run that loads, ripples, holds and unloads, and the results of the model.
+
+    Parameters
+    ----------
+    model : StepModel
+        The model.
+    sensor : StepModel or None
+        The sensor whose resistance it reads; None if it reads strain.
+    """
+    k = np.arange(GOLDEN_STEPS + 1)
+    ramp = np.interp(k, [0, 80, 110, 190, GOLDEN_STEPS], [0.04, 0.60, 0.60, 0.24, 0.24])
+    strain = ramp + 0.02 * np.sin(2.0 * np.pi * 20.0 * PERIOD * k)  # over full scale
+    stepper = Stepper(model)
+    stepper.warn = lambda _: None
+    if sensor is not None:
+        full = next(v.start for v in sensor.variables if v.name == "full_scale_strain")
+        drive = Stepper(sensor)
+        columns = {"resistance": np.array(list(_driven(drive, "resistance", {"strain": strain * (full or 1.0)})))}
+    else:
+        names = [v.name for v in model.variables if v.causality == "input"]
+        columns = {each: 0.1 * (strain + 0.1 * np.sin(0.7 * k + i) + 0.1) for i, each in enumerate(names)}
+        stepper.set("window_length", 96 * PERIOD)
+        stepper.set("repeat", 1.0)
+    parameters, inputs, results = model.slices()
+    table = np.array([[v.start or 0.0 for v in model.variables[inputs]]] * k.size)
+    for name, column in columns.items():
+        table[:, model.names.index(name) - inputs.start] = column
+    given = {v.name: table[:, i] for i, v in enumerate(model.variables[inputs])}
+    rows = np.array(list(_driven(stepper, model.names[results], given)))
+    start = np.array([stepper.get(name) for name in model.names[parameters]])
+    return (start, table), rows
+
+
+def _driven(stepper: Stepper, read: str | Sequence[str], given: dict[str, Vector]) -> Iterator[float | list[float]]:
+    """Run a model over columns of inputs; yield one result or several at each sample."""
+    for k in range(GOLDEN_STEPS + 1):
+        for name, column in given.items():
+            stepper.set(name, float(column[k]))
+        if k:
+            stepper.step(PERIOD)
+        else:
+            stepper.initialize()
+        yield stepper.get(read) if isinstance(read, str) else [stepper.get(name) for name in read]
+
+
+def _mathematics(model: StepModel, bits: FloatBits) -> tuple[str, str, dict[str, int]]:
+    """Return what CasADi writes of init and step, the table of its lists of constants, and sizes of work space."""
+    functions = (model.init, model.step)
+    generator = ca.CodeGenerator("functions", {"with_header": False, "verbose": False, "indent": 1})
+    for function in functions:
+        generator.add(function)
+    code = generator.dump()
+    names = {name: internal_name(code, name) for name in ("init", "step")}
+    code = _HELPER.sub(r"static \1 \2", _DEFINED.sub("", INTERFACE.sub("", code)))
+    code, size = _without_holes(code, model)
+    code = _INDEX.sub(r"casadi_index(\1)", _LOW.sub(r"  (void)lookup_mode; /* always 0 */\n\1", code))
+    code = code.replace("= casadi_low(", "= (casadi_real)casadi_low(")
+    code = re.sub(
+        r"^(static int casadi_f\d+\(.*\{)$",
+        r"\1\n (void)arg, (void)res, (void)iw, (void)w, (void)mem;",
+        code,
+        flags=re.MULTILINE,
+    )
+    if bits == 32:
+        code = _NUMBER.sub(lambda found: f"{_in_float(float(found[1]))!r}f", code)
+    bodies = {found[2]: found[0] for found in _FUNCTION.finditer(code)}
+    stepping = "".join(body for name, body in bodies.items() if name != names["init"])
+    of_step: list[tuple[int, str, Vector | None]] = []  # words, line of the table, numbers if they are reals
+    of_init: list[tuple[int, str, Vector | None]] = []
+    checksum = 0
+    for kind, name, count, values in _LIST.findall(code):
+        is_real = kind == "casadi_real"
+        numbers = np.array(values.replace("f", "").split(","), dtype=f"<f{bits // 8}" if is_real else "<i4")
+        if int(count) != numbers.size:
+            msg = f"CasADi wrote {numbers.size} numbers in {name}[{count}]; its generator must have changed"
+            raise RuntimeError(msg)
+        words = np.frombuffer(numbers.tobytes(), dtype="<u4")
+        folded = int(np.bitwise_xor.reduce(words))
+        line = f" {{{name}, {words.size}U, {int(is_real)}, 0x{folded:08x}U}},"
+        (of_step if re.search(rf"\b{name}\b", stepping) else of_init).append(
+            (words.size, line, numbers if is_real else None)
+        )
+    for _, _, reals in of_step + of_init:
+        checksum = checksum if reals is None else zlib.crc32(reals.tobytes(), checksum)
+    code = _LIST.sub(lambda found: found[0].replace("static const", "static COMPONENT_CONST", 1), code)
+    few = sum(words for words, *_ in of_step) <= _MOST_WORDS
+    table = [
+        f"#define COMPONENT_N_LISTS {len(of_step + of_init)}U",
+        f"#define COMPONENT_N_STEP_LISTS {len(of_step)}U",
+        f"#define COMPONENT_LISTS_PER_STEP {len(of_step) if few else 1}U",
+        f"#define COMPONENT_CONSTANTS_CRC 0x{checksum:08x}U",
+        f"#define COMPONENT_INIT {names['init']}",
+        f"#define COMPONENT_STEP {names['step']}",
+        "/* those that a step reads first, then those of init alone */",
+        "static const component_list COMPONENT_LISTS[COMPONENT_N_LISTS] = {",
+        *(line for _, line, _ in of_step + of_init),
+        "};",
+    ]
+    head = [
+        "/* Written by CasADi from the model, as for its native FMU; see component.c. */",
+        f"#define casadi_real {'float' if bits == 32 else 'double'}",
+        "#define casadi_int int",
+        "#define casadi_nan ((casadi_real)NAN)",
+        *(f"#define {each} {each}f" for each in _FUNCTIONS if bits == 32),
+        "#ifndef COMPONENT_CONST",
+        "#define COMPONENT_CONST const /* a test of upsets lets them be written */",
+        "#endif",
+        "",
+        "/* A place in a list; -1, which is in none, for what is no number or too large. */",
+        "static casadi_int casadi_index(casadi_real x) { return x > -1 && x < 1000000000 ? (casadi_int)x : -1; }",
+        "",
+    ]
+    sizes = {
+        "ARG": max(f.sz_arg() for f in functions),
+        "RES": max(f.sz_res() for f in functions),
+        "IW": max(1, *(f.sz_iw() for f in functions)),
+        "W": max(1, size),
+    }
+    return "\n".join(head) + code, "\n".join(table), sizes
+
+
+def _in_float(value: float) -> float:
+    """Return a number that stands in single precision for one that it cannot hold."""
+    if value and abs(value) < 1e-37:
+        return 1e-37
+    return min(value, float(np.finfo(np.float32).max))
+
+
+def _without_holes(code: str, model: StepModel) -> tuple[str, int]:
+    """Let the columns of CasADi's work space follow each other; return its size, too.
+
+    A function of CasADi's reserves a place for each of its values and declares those that it writes, ``*w05=w+19``; numbers,
+    constants and arguments are used where they are. What lies before the first place serves the functions that are called.
+    """
+    known = {each.name(): each for f in (model.init, model.step) for each in (*f.find_functions(), f)}
+    new: dict[str, int] = {}
+
+    def close(found: re.Match[str]) -> str:
+        body = found[0]
+        called = max((new[each] for each in _CALL.findall(body)), default=0)
+        sizes = _places(known[found[1]]) if found[1] in known else []
+        written = {int(k): int(begin) for k, begin in _PLACE.findall(body)}
+        before = known[found[1]].sz_w() - sum(sizes) if sizes else 0
+        if any(begin != before + sum(sizes[:k]) for k, begin in written.items()):
+            msg = f"CasADi's function {found[2]} has another work space than it says; its generator must have changed"
+            raise RuntimeError(msg)
+        if not re.search(r"\bw[,)]", _CALL.sub("", body[body.index("{") :])):
+            before = called
+        begin = {k: before + sum(sizes[each] for each in written if each < k) for k in written}
+        new[found[2]] = before + sum(sizes[k] for k in written)
+        return _PLACE.sub(lambda place: f"*w{place[1]}=w+{begin[int(place[1])]}", body)
+
+    code = _FUNCTION.sub(close, code)
+    return code, max(new.values())
+
+
+def _places(function: ca.Function) -> list[int]:
+    """Return the number of elements of each value of a function in its work space."""
+    sizes: dict[int, int] = {}
+    for k in range(function.n_instructions() if function.is_a("MXFunction") else 0):
+        places, kind = function.instruction_output(k), function.instruction_id(k)
+        for i, place in enumerate(places if kind != ca.OP_OUTPUT else []):
+            value = function.instruction_MX(k)
+            size = (value.get_output(i) if kind == ca.OP_CALL or len(places) > 1 else value).nnz()
+            sizes[place] = max(sizes.get(place, 0), size)
+    return [sizes.get(place, 0) for place in range(max(sizes, default=-1) + 1)]
+
+
+def _fields(variables: Sequence[Variable]) -> Iterator[tuple[str, int, Variable]]:
+    """Yield name, number of elements and first variable of each field of a structure."""
+    sizes: dict[str, tuple[int, Variable]] = {}
+    for v in variables:
+        name = v.name.partition("[")[0]
+        count, first = sizes.get(name, (0, v))
+        sizes[name] = (count + 1, first)
+    yield from ((name, count, first) for name, (count, first) in sizes.items())
+
+
+def _range(v: Variable) -> str:
+    """Return the range of a variable as words."""
+    low, high = v.minimum, v.maximum
+    if low is None and high is None:
+        return "any finite number"
+    return f"{'any' if low is None else f'{low:g}'} to {'any finite number' if high is None else f'{high:g}'}"
+
+
+def _header(model: StepModel, sizes: dict[str, int], bits: FloatBits) -> str:
+    """Write the interface."""
+    real = "float" if bits == 32 else "double"
+    parameters, inputs, results = (model.variables[part] for part in model.slices())
+    version = int(model.digest[:8], 16) ^ bits
+    lines = [
+        f"/* {model.name}: {model.description.replace('*/', '* /')}. Written by gossamer flight; see INTERFACE.md. */",
+        "#ifndef COMPONENT_H",
+        "#define COMPONENT_H",
+        "",
+        "#include <stdbool.h>",
+        "#include <stdint.h>",
+        "",
+        f"#define COMPONENT_FLOAT {bits}",
+        f"#define COMPONENT_VERSION 0x{version:08x}U /* of the model: a saved block of another is refused */",
+        f"#define COMPONENT_N_PARAMETERS {len(parameters)}",
+        f"#define COMPONENT_N_INPUTS {len(inputs)}",
+        f"#define COMPONENT_N_RESULTS {len(results)}",
+        f"#define COMPONENT_N_STATES {model.n_states}",
+        "#define COMPONENT_LONGEST_GAP 8U /* periods; after a longer one the memory is not that of the sensor */",
+        "",
+        *_BITS,
+        "",
+        f"typedef {real} component_real;",
+        "",
+    ]
+    for what, variables in (("parameters", parameters), ("inputs", inputs), ("outputs", results)):
+        lines.append("typedef struct {")
+        for name, count, v in _fields(variables):
+            size = f"[{count}]" if count > 1 or v.name.endswith("]") else ""
+            start = "" if v.start is None else f"; starts at {v.start:g}"
+            lines.append(f"  component_real {name}{size}; /* [{v.unit}] {v.description}; {_range(v)}{start} */")
+        if what == "inputs":
+            lines += ["  uint32_t sequence; /* number of the sample, one more each period */"]
+        if what == "outputs":
+            lines += ["  uint32_t sequence; /* of the last sample that was used */", "  uint32_t health; /* of this step */"]
+        lines += [*["  uint32_t crc;"] * (what != "parameters"), f"}} component_{what};", ""]
+    lines += [
+        "/* counts since init; they stop at their largest value */",
+        *(f"#define COMPONENT_COUNT_{each} {k}" for k, each in enumerate(_COUNTS)),
+        f"#define COMPONENT_N_COUNTS {len(_COUNTS)}U",
+        "",
+        "typedef struct { /* all that is remembered; it may be saved and restored as it is, on the same processor */",
+        "  component_real parameters[COMPONENT_N_PARAMETERS];",
+        "  component_real results[COMPONENT_N_RESULTS];",
+        "  component_real state[COMPONENT_N_STATES];",
+        "  component_real period; /* [s] */",
+        *(f"  uint32_t {each};" for each in ("version", "sequence", "health", "next_list", "counts[COMPONENT_N_COUNTS]")),
+        "  uint32_t crc;",
+        "} component_block;",
+        "",
+        "typedef struct {",
+        "  component_block first;",
+        "  component_block second;",
+        "} component;",
+        "",
+        "typedef struct { /* what a step writes before it reads it: components that run in turn may share one */",
+        f"  const component_real *arg[{sizes['ARG']}];",
+        f"  component_real *res[{sizes['RES']}];",
+        f"  int iw[{sizes['IW']}];",
+        *["  component_real x[COMPONENT_N_STATES];"] * (model.step_limit is not None),
+        f"  component_real w[{sizes['W']}];",
+        "} component_work;",
+        "",
+        f'_Static_assert(sizeof(component_real) == {bits // 8}U, "the width of numbers");',
+        '_Static_assert(sizeof(int) == 4U, "the width of indices");',
+        f'_Static_assert(sizeof(component_parameters) == {len(parameters) * bits // 8}U, "no gaps");',
+        "",
+        *_starts("parameters", parameters, bits),
+        *_starts("inputs", inputs, bits),
+        *_PROTOTYPES,
+        *_copies("parameters", parameters),
+        *_copies("inputs", inputs),
+        *_copies("outputs", results),
+        "#endif",
+        "",
+    ]
+    return "\n".join(lines)
+
+
+# What ``health`` says: name, bit, meaning.
+HEALTH = (
+    ("REFUSED", "this sample was not used: its CRC is wrong, or a number is not finite or out of its range"),
+    ("REPEATED", "this sample was not used: its number is that of the last one, or of one before"),
+    ("MISSED", "samples are missing before this one; the step spans their time"),
+    ("HEALED", "the state was damaged and was taken from its second copy"),
+    ("OUT_OF_RANGE", "a result has left the range in which the model is valid"),
+    ("FAILED", "the step gave no finite numbers; state and results are those before it"),
+    ("UNEXPLAINED", "the model says that it does not explain its inputs (saturated, or not valid)"),
+    ("LOST", "neither copy of the state is whole, or there is none: init or restore"),
+    ("CONSTANTS", "constants of the program are damaged: load it again, then init or restore"),
+    ("GAP", "more than COMPONENT_LONGEST_GAP samples were missing; stays until init or restore"),
+)
+_USABLE = ("MISSED", "HEALED")
+_COUNTS = ("STEPS", "REFUSED", "MISSED", "HEALED", "FAILED")
+_BITS = (
+    "/* health, one bit each */",
+    *(f"#define COMPONENT_{name} 0x{1 << k:03x}U /* {meaning} */" for k, (name, meaning) in enumerate(HEALTH)),
+    "/* with one of these a result must not be used */",
+    f"#define COMPONENT_INVALID 0x{sum(1 << k for k, (name, _) in enumerate(HEALTH) if name not in _USABLE):03x}U",
+    "#define COMPONENT_STAYS (COMPONENT_GAP | COMPONENT_CONSTANTS)",
+)
+_PROTOTYPES = """/* Begin: state from parameters and the first sample. Returns health; COMPONENT_LOST: there is no state. */
+uint32_t component_init(component *c, const component_parameters *p, component_real period, const component_inputs *u,
+                        component_work *w);
+
+/* Advance to a sample and write the results; those of the last step where it cannot be used. Returns health. */
+uint32_t component_step(component *c, const component_inputs *u, component_outputs *y, component_work *w);
+
+/* Health of the last step, or COMPONENT_LOST where the state has been damaged since. Changes nothing. */
+uint32_t component_health(const component *c);
+
+/* Write the CRC of a sample, where it is measured. */
+void component_seal(component_inputs *u);
+
+/* Whether results are as they were written. */
+bool component_is_sealed(const component_outputs *y);
+
+/* Copy the state for a warm start; false if it is damaged. */
+bool component_save(const component *c, component_block *saved);
+
+/* Begin from a saved state. Returns its health; COMPONENT_LOST if it is damaged or of another model. */
+uint32_t component_restore(component *c, const component_block *saved);
+
+/* Whether all constants are as they were compiled, by their CRC: slow, for a background task. */
+bool component_constants_hold(void);
+
+/* Numbers in the order of the table, for telemetry and files. */""".splitlines()
+
+
+def _number(value: float, bits: FloatBits) -> str:
+    return f"{value!r}f" if bits == 32 else repr(value)
+
+
+def _starts(what: str, variables: Sequence[Variable], bits: FloatBits) -> list[str]:
+    values = iter(variables)
+    lines = [f"static const component_{what} component_start_{what} = {{"]
+    for name, count, v in _fields(variables):
+        numbers = ", ".join(_number(float(next(values).start or 0.0), bits) for _ in range(count))
+        lines.append(f"  .{name} = {f'{{{numbers}}}' if count > 1 or v.name.endswith(']') else numbers},")
+    return [*lines, "};", ""]
+
+
+def _copies(what: str, variables: Sequence[Variable]) -> list[str]:
+    names = [re.sub(r"\[(\d+)\]", lambda k: f"[{int(k[1]) - 1}]", v.name) for v in variables]
+    return [
+        f"static inline void component_from_{what}(const component_{what} *from, component_real *numbers) {{",
+        *(f"  numbers[{k}] = from->{name};" for k, name in enumerate(names)),
+        "}",
+        f"static inline void component_to_{what}(const component_real *numbers, component_{what} *to) {{",
+        *(f"  to->{name} = numbers[{k}];" for k, name in enumerate(names)),
+        "}",
+        "",
+    ]
+
+
+def _table(model: StepModel, lists: str, bits: FloatBits, limit: int | None) -> str:
+    """Write what the code around the mathematics needs of a model."""
+    largest = "FLT_MAX" if bits == 32 else "DBL_MAX"
+    results = model.names[model.slices()[2].start :]
+    judge = next((name for name in _JUDGEMENTS if name in results), None)
+
+    def end(value: float | None, without: str) -> str:
+        return without if value is None else _number(float(value), bits)
+
+    lines = [
+        f"#define COMPONENT_BITS uint{bits}_t",
+        f"#define COMPONENT_LARGEST {largest}",
+        f"#define COMPONENT_STEP_LIMIT {-1 if limit is None else limit}",
+        f"#define COMPONENT_NEARLY_ONE {_number(1.0 - 1e-12, bits)}",
+        "#define COMPONENT_MOST_PARTS 64U",
+        f"#define COMPONENT_JUDGEMENT {-1 if judge is None else results.index(judge)}",
+        f"#define COMPONENT_GOOD {_number(_JUDGEMENTS.get(judge or '', 0.0), bits)}",
+        "",
+        "static const uint32_t CRC_TABLE[4][256] = {",
+        *(" {" + " ".join(f"0x{crc:08x}U," for crc in row) + "}," for row in _crc_tables()),
+        "};",
+        "",
+        "/* smallest and largest value of each variable, in the order of the table */",
+        f"static const component_real COMPONENT_LIMITS[{len(model.variables)}][2] = {{",
+        *(f" {{{end(v.minimum, '-' + largest)}, {end(v.maximum, largest)}}}, /* {v.name} */" for v in model.variables),
+        "};",
+        "",
+        "typedef struct {",
+        "  const void *begin;",
+        "  uint32_t words; /* of 32 bits */",
+        "  uint32_t is_of_numbers;",
+        "  uint32_t folded; /* all words, exclusive or */",
+        "} component_list;",
+        "",
+    ]
+    return "\n".join(lines) + lists + "\n"
+
+
+def _crc_tables() -> list[list[int]]:
+    """Return the CRC of each byte with 0 to 3 bytes of zero behind it, as sums of four bytes at once need."""
+    rows = [[zlib.crc32(bytes([k]), 0xFFFFFFFF) ^ 0xFFFFFFFF for k in range(256)]]
+    for _ in range(3):
+        rows.append([crc >> 8 ^ rows[0][crc & 0xFF] for crc in rows[-1]])
+    return rows
+
+
+def _golden(model: StepModel, vectors: tuple[Vector, Vector], golden: Vector, bits: FloatBits) -> str:
+    """Write golden vectors; hexadecimal, so that no digit is lost."""
+
+    def row(values: Vector) -> str:
+        return "{" + ", ".join(float(value).hex() for value in values) + "},"
+
+    parameters, inputs = vectors
+    names = model.names[model.slices()[2].start :]
+    lines = [
+        "/* Golden vectors: what the model gives in double precision. */",
+        f"#define GOLDEN_STEPS {len(inputs) - 1}",
+        f"#define GOLDEN_PERIOD {PERIOD!r}",
+        f"#define GOLDEN_TOLERANCE {TOLERANCES[bits]!r}",
+        "static const char *const GOLDEN_NAMES[] = {" + ", ".join(f'"{name}"' for name in names) + "};",
+        "static const double GOLDEN_PARAMETERS[] = " + row(parameters)[:-1] + ";",
+        f"static const double GOLDEN_INPUTS[][{inputs.shape[1]}] = {{",
+        *map(row, inputs),
+        "};",
+        f"static const double GOLDEN_RESULTS[][{golden.shape[1]}] = {{",
+        *map(row, golden),
+        "};",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _interface(model: StepModel, bits: FloatBits) -> str:
+    """Write the interface to be read."""
+    parameters, inputs, results = (model.variables[part] for part in model.slices())
+    lines = [
+        "# Interface of component",
+        "",
+        f"{model.description}. Written from the model's table of variables; numbers have {bits} bits. The model is "
+        f"`{model.digest[:16]}`.",
+    ]
+    for title, variables in (("Parameters", parameters), ("Inputs", inputs), ("Results", results)):
+        lines += ["", f"## {title}", "", "| name | unit | range | start | meaning |", "| --- | --- | --- | --- | --- |"]
+        for name, count, v in _fields(variables):
+            size = f"[{count}]" if count > 1 else ""
+            start = "" if v.start is None else f"{v.start:g}"
+            lines.append(f"| `{name}{size}` | {v.unit} | {_range(v)} | {start} | {v.description} |")
+    lines += ["", "## Health", "", "| bit | name | meaning | usable |", "| --- | --- | --- | --- |"]
+    lines += [
+        f"| 0x{1 << k:03x} | `COMPONENT_{name}` | {meaning} | {'yes' if name in _USABLE else 'no'} |"
+        for k, (name, meaning) in enumerate(HEALTH)
+    ]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,121 @@
+"""Measure what a component needs on a Cortex-M7: compiled by Debian's compiler, run by QEMU.
+
+An instruction count is no time: memory that waits, caches and interrupts are not in it.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from collections.abc import Iterable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from gossamer_models import GossamerError
+
+TOOLS = {
+    "make": "make",
+    "arm-none-eabi-gcc": "gcc-arm-none-eabi and libnewlib-arm-none-eabi",
+    "qemu-system-arm": "qemu-system-arm",
+}
+_CORE = ("-mcpu=cortex-m7", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv5-d16")
+_NODE = re.compile(r'node: \{ title: "([^"]+)" label: "[^"]*?(?:\\n(\d+) bytes \((\w+)\)[^"]*)?"')
+_EDGE = re.compile(r'edge: \{ sourcename: "([^"]+)" targetname: "([^"]+)"')
+
+
+class FlightError(GossamerError, RuntimeError):
+    """A component could not be compiled or run for its processor."""
+
+
+def missing_tools() -> list[str]:
+    """Return the Debian packages of what ``budgets`` needs and this machine does not have."""
+    return [package for tool, package in TOOLS.items() if shutil.which(tool) is None]
+
+
+def budgets(folder: Path, name: str) -> dict[str, float]:
+    """Compile a component for a Cortex-M7 and run its golden vectors under QEMU.
+
+    Parameters
+    ----------
+    folder : Path
+        As ``flight`` writes it.
+    name : str
+        Of the component.
+
+    Returns
+    -------
+    dict
+        ``text`` and ``rodata`` [byte] of the component with all that it reads; ``ram`` and ``work`` [byte] of RAM;
+        ``stack`` [byte], the bound of ``step`` and ``init`` along the call graph, without functions of the C library;
+        ``stack_in_use`` [byte], the most that a run with them painted over, the runner and printf included; ``most`` and
+        ``mean`` instructions of a step; ``worst`` error over golden vectors, relative to the largest of each result.
+
+    Raises
+    ------
+    FlightError
+        A tool is missing, the code is refused, a frame has no bound, or the golden vectors are not met.
+    """
+    if missing := missing_tools():
+        msg = f"budgets need {', '.join(missing)} (packages of Debian). Install them, or leave the budgets out."
+        raise FlightError(msg)
+    with TemporaryDirectory() as temporary:
+        copy = Path(temporary) / "flight"
+        shutil.copytree(folder, copy)
+        options = [*_CORE, "-std=c11", "-O2", "-ffp-contract=off", "-fcallgraph-info=su"]
+        _run(["arm-none-eabi-gcc", *options, "-c", f"{name}.c", "-o", "measured.o"], copy)
+        sizes = _sections(_run(["arm-none-eabi-size", "-A", "measured.o"], copy))
+        graph = next(copy.glob("*.ci")).read_text(encoding="utf-8")
+        bounds = [stack_bound(graph, f"{name}_{each}") for each in ("init", "step")]
+        printed = _run(["make", "-s", "qemu"], copy)
+    found = {key: float(value) for key, value in re.findall(r"^(\w+) (\S+)$", printed, re.MULTILINE)}
+    kept = {key: found[key] for key in ("ram", "work", "most", "mean", "worst", "different")}
+    return sizes | {"stack": max(bounds), "stack_in_use": found["stack"]} | kept
+
+
+def stack_bound(graph: str, begin: str) -> float:
+    """Return the largest sum of frames [byte] along a call graph of GCC's ``-fcallgraph-info=su``.
+
+    Raises
+    ------
+    FlightError
+        A function calls itself, or its frame has no bound.
+    """
+    frames = {title: (int(size or 0), kind) for title, size, kind in _NODE.findall(graph)}
+    calls: dict[str, list[str]] = {}
+    for caller, called in _EDGE.findall(graph):
+        calls.setdefault(caller, []).append(called)
+
+    def deepest(title: str, above: tuple[str, ...]) -> int:
+        size, kind = frames.get(title, (0, ""))
+        if title in above or title == "__indirect_call" or kind not in ("", "static", "dynamic,bounded"):
+            msg = f"the stack of {begin} has no bound: {' > '.join([*above, title])}. Report it as a defect."
+            raise FlightError(msg)
+        return size + max((deepest(each, (*above, title)) for each in calls.get(title, ())), default=0)
+
+    starts = [title for title in frames if title.split(":")[-1] == begin]
+    return float(max(deepest(title, ()) for title in starts))
+
+
+def _sections(printed: str) -> dict[str, float]:
+    sizes = {"text": 0.0, "rodata": 0.0}
+    for section, size in re.findall(r"^(\.\S+)\s+(\d+)", printed, re.MULTILINE):
+        for kind in sizes:
+            sizes[kind] += float(size) * section.startswith(f".{kind}")
+        if section.startswith((".data", ".bss")) and int(size):
+            msg = f"the component has {size} bytes of global state in {section}. Report it as a defect."
+            raise FlightError(msg)
+    return sizes
+
+
+def _run(command: Iterable[str], folder: Path) -> str:
+    words = list(command)
+    try:
+        done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False, timeout=600)
+    except subprocess.TimeoutExpired as error:
+        msg = f"{' '.join(words)} did not end within {error.timeout:g} s. The board may have stopped."
+        raise FlightError(msg) from error
+    if done.returncode:
+        msg = f"{' '.join(words)} failed with code {done.returncode}:\n{(done.stdout + done.stderr)[-2000:]}"
+        raise FlightError(msg)
+    return done.stdout

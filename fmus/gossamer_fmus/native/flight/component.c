@@ -1,0 +1,324 @@
+/* One component for a flight processor: the C twin of gossamer_models/stepper.py, without a host.
+
+   The mathematics (component_math.h) is what a native FMU runs, without derivatives. Around it: samples are sealed, in range
+   and in order, or they are refused; what is remembered lies there twice, each under a CRC; constants are checked. Nothing is
+   allocated, recursive, global and mutable, or called through a pointer; every loop ends at a constant. */
+
+#include "component.h"
+
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+#include "component_math.h"
+#include "component_table.h"
+
+#define FIRST_INPUT COMPONENT_N_PARAMETERS
+#define FIRST_RESULT (COMPONENT_N_PARAMETERS + COMPONENT_N_INPUTS)
+
+/* CRC-32 of ISO 3309, as zlib has it, of numbers with their lowest byte first, whatever the order of the processor is. */
+static uint32_t crc_word(uint32_t crc, uint32_t word) {
+  const uint32_t c = crc ^ word;
+  return CRC_TABLE[3][c & 0xFFU] ^ CRC_TABLE[2][(c >> 8U) & 0xFFU] ^ CRC_TABLE[1][(c >> 16U) & 0xFFU] ^
+         CRC_TABLE[0][c >> 24U];
+}
+
+static uint32_t crc_numbers(uint32_t crc, const component_real *numbers, uint32_t count) {
+  uint32_t c = crc;
+  for (uint32_t i = 0U; i < count; i++) {
+    COMPONENT_BITS bits;
+    (void)memcpy(&bits, &numbers[i], sizeof bits);
+    c = crc_word(c, (uint32_t)bits);
+#if COMPONENT_FLOAT == 64
+    c = crc_word(c, (uint32_t)(bits >> 32U));
+#endif
+  }
+  return c;
+}
+
+static uint32_t crc_block(const component_block *b) {
+  uint32_t c = crc_numbers(~0U, b->parameters, COMPONENT_N_PARAMETERS);
+  c = crc_numbers(c, b->results, COMPONENT_N_RESULTS);
+  c = crc_numbers(c, b->state, COMPONENT_N_STATES);
+  c = crc_numbers(c, &b->period, 1U);
+  c = crc_word(c, b->version);
+  c = crc_word(c, b->sequence);
+  c = crc_word(c, b->health);
+  c = crc_word(c, b->next_list);
+  for (uint32_t i = 0U; i < COMPONENT_N_COUNTS; i++) {
+    c = crc_word(c, b->counts[i]);
+  }
+  return ~c;
+}
+
+static uint32_t crc_inputs(const component_inputs *u) {
+  component_real numbers[COMPONENT_N_INPUTS];
+  component_from_inputs(u, numbers);
+  return ~crc_word(crc_numbers(~0U, numbers, COMPONENT_N_INPUTS), u->sequence);
+}
+
+static uint32_t crc_outputs(const component_outputs *y) {
+  component_real numbers[COMPONENT_N_RESULTS];
+  component_from_outputs(y, numbers);
+  return ~crc_word(crc_word(crc_numbers(~0U, numbers, COMPONENT_N_RESULTS), y->sequence), y->health);
+}
+
+void component_seal(component_inputs *u) { u->crc = crc_inputs(u); }
+
+bool component_is_sealed(const component_outputs *y) { return y->crc == crc_outputs(y); }
+
+static uint32_t word_at(const unsigned char *from) {
+  uint32_t word;
+  (void)memcpy(&word, from, sizeof word);
+  return word;
+}
+
+/* The words of a list, folded: one bit that flips is seen, whatever the order of bytes is. */
+static uint32_t folded(const component_list *list) {
+  const unsigned char *from = list->begin;
+  uint32_t left = list->words;
+  uint32_t sum = 0U;
+  for (; left >= 8U; left -= 8U) { /* eight at once: a loop costs as much as a word */
+    sum ^= word_at(from) ^ word_at(&from[4]) ^ word_at(&from[8]) ^ word_at(&from[12]);
+    sum ^= word_at(&from[16]) ^ word_at(&from[20]) ^ word_at(&from[24]) ^ word_at(&from[28]);
+    from = &from[32];
+  }
+  for (; left > 0U; left--) {
+    sum ^= word_at(from);
+    from = &from[4];
+  }
+  return sum;
+}
+
+/* Whether some lists that a step reads are as they were compiled. */
+static bool lists_hold(uint32_t first, uint32_t count) {
+  bool hold = true;
+  for (uint32_t k = 0U; k < count; k++) {
+    const component_list *list = &COMPONENT_LISTS[(first + k) % COMPONENT_N_STEP_LISTS];
+    hold = hold && (folded(list) == list->folded);
+  }
+  return hold;
+}
+
+bool component_constants_hold(void) {
+  uint32_t c = ~0U;
+  bool hold = true;
+  for (uint32_t k = 0U; k < COMPONENT_N_LISTS; k++) {
+    const component_list *list = &COMPONENT_LISTS[k];
+    hold = hold && (folded(list) == list->folded);
+    if (list->is_of_numbers != 0U) {
+      c = crc_numbers(c, list->begin, list->words / (sizeof(component_real) / 4U));
+    }
+  }
+  return hold && (~c == COMPONENT_CONSTANTS_CRC);
+}
+
+static bool in_range(const component_real *numbers, uint32_t first, uint32_t count) {
+  bool within = true;
+  for (uint32_t i = 0U; i < count; i++) { /* a number that is not one is in no range */
+    within = within && (numbers[i] >= COMPONENT_LIMITS[first + i][0]) && (numbers[i] <= COMPONENT_LIMITS[first + i][1]);
+  }
+  return within;
+}
+
+static bool all_finite(const component_real *numbers, uint32_t count) {
+  bool finite = true;
+  for (uint32_t i = 0U; i < count; i++) {
+    finite = finite && (numbers[i] >= -COMPONENT_LARGEST) && (numbers[i] <= COMPONENT_LARGEST);
+  }
+  return finite;
+}
+
+/* What the results say of themselves. */
+static uint32_t judged(const component_real *results) {
+  uint32_t health = in_range(results, FIRST_RESULT, COMPONENT_N_RESULTS) ? 0U : COMPONENT_OUT_OF_RANGE;
+#if COMPONENT_JUDGEMENT >= 0
+  if (results[COMPONENT_JUDGEMENT] != COMPONENT_GOOD) {
+    health |= COMPONENT_UNEXPLAINED;
+  }
+#endif
+  return health;
+}
+
+static void count_up(uint32_t *count) {
+  if (*count < UINT32_MAX) {
+    *count += 1U;
+  }
+}
+
+static void seal_both(component *c) {
+  c->second.crc = crc_block(&c->second);
+  c->first = c->second;
+}
+
+/* Make both copies the same and whole; false where neither is. The first one is that which was true last. */
+static bool heal(component *c, uint32_t *health) {
+  bool whole = (c->first.crc == crc_block(&c->first)) && (c->first.version == COMPONENT_VERSION);
+  if (!whole) {
+    whole = (c->second.crc == crc_block(&c->second)) && (c->second.version == COMPONENT_VERSION);
+    if (whole) {
+      *health |= COMPONENT_HEALED;
+      count_up(&c->second.counts[COMPONENT_COUNT_HEALED]);
+      seal_both(c);
+    }
+  } else {
+    c->second = c->first;
+  }
+  return whole;
+}
+
+uint32_t component_init(component *c, const component_parameters *p, component_real period, const component_inputs *u,
+                        component_work *w) {
+  component_real inputs[COMPONENT_N_INPUTS];
+  component_block *b = &c->second;
+  uint32_t health = 0U;
+  (void)memset(c, 0, sizeof *c);
+  component_from_parameters(p, b->parameters);
+  component_from_inputs(u, inputs);
+  if (!component_constants_hold()) {
+    health |= COMPONENT_CONSTANTS;
+  }
+  if ((u->crc != crc_inputs(u)) || !in_range(b->parameters, 0U, COMPONENT_N_PARAMETERS) ||
+      !in_range(inputs, FIRST_INPUT, COMPONENT_N_INPUTS) || !(period > (component_real)0) || !(period <= COMPONENT_LARGEST)) {
+    health |= COMPONENT_REFUSED;
+  } else {
+    w->arg[0] = inputs;
+    w->arg[1] = b->parameters;
+    w->res[0] = b->state;
+    w->res[1] = b->results;
+    if ((COMPONENT_INIT(w->arg, w->res, w->iw, w->w, 0) != 0) || !all_finite(b->state, COMPONENT_N_STATES) ||
+        !all_finite(b->results, COMPONENT_N_RESULTS)) {
+      health |= COMPONENT_FAILED;
+    }
+  }
+  if (health == 0U) {
+    b->period = period;
+    b->version = COMPONENT_VERSION;
+    b->sequence = u->sequence;
+    health = judged(b->results);
+    b->health = health;
+    seal_both(c);
+  } else {
+    health |= COMPONENT_LOST;
+    (void)memset(c, 0, sizeof *c); /* no block: every step says that it is lost */
+  }
+  return health;
+}
+
+/* Carry the state over h [s] in equal parts that the model can take. */
+static bool advance(const component *c, const component_real *inputs, component_real h, component_block *next,
+                    component_work *w) {
+  uint32_t parts = 1U;
+  bool done = true;
+#if COMPONENT_STEP_LIMIT >= 0
+  const component_real ratio = (h / c->first.parameters[COMPONENT_STEP_LIMIT]) * COMPONENT_NEARLY_ONE;
+  done = ratio <= (component_real)COMPONENT_MOST_PARTS;
+  while (done && ((component_real)parts < ratio)) {
+    parts++;
+  }
+#endif
+  const component_real part = h / (component_real)parts;
+  w->arg[0] = c->first.state;
+  for (uint32_t i = 0U; done && (i < parts); i++) {
+    w->arg[1] = inputs;
+    w->arg[2] = c->first.parameters;
+    w->arg[3] = &part;
+    w->res[0] = next->state;
+    w->res[1] = next->results;
+    done = (COMPONENT_STEP(w->arg, w->res, w->iw, w->w, 0) == 0) && all_finite(next->state, COMPONENT_N_STATES) &&
+           all_finite(next->results, COMPONENT_N_RESULTS);
+#if COMPONENT_STEP_LIMIT >= 0
+    (void)memcpy(w->x, next->state, sizeof w->x);
+    w->arg[0] = w->x;
+#endif
+  }
+  return done;
+}
+
+/* Whether a sample can be used, and how many periods it is after the last one. */
+static uint32_t admitted(const component_block *b, const component_inputs *u, const component_real *inputs,
+                         uint32_t *periods) {
+  uint32_t health = 0U;
+  *periods = u->sequence - b->sequence; /* numbers of samples may run over */
+  if ((u->crc != crc_inputs(u)) || !in_range(inputs, FIRST_INPUT, COMPONENT_N_INPUTS)) {
+    health = COMPONENT_REFUSED;
+  } else if ((*periods == 0U) || (*periods > (UINT32_MAX / 2U))) {
+    health = COMPONENT_REPEATED;
+  } else if (*periods > COMPONENT_LONGEST_GAP) {
+    health = COMPONENT_MISSED | COMPONENT_GAP;
+    *periods = COMPONENT_LONGEST_GAP;
+  } else if (*periods > 1U) {
+    health = COMPONENT_MISSED;
+  } else {
+    /* the next one, as it should be */
+  }
+  return health;
+}
+
+/* Take a sample into the second copy, from the first. */
+static uint32_t taken(component *c, const component_inputs *u, component_work *w) {
+  component_real inputs[COMPONENT_N_INPUTS];
+  component_block *next = &c->second;
+  uint32_t periods = 0U;
+  uint32_t health = c->first.health & COMPONENT_STAYS;
+  if (!lists_hold(next->next_list % COMPONENT_N_STEP_LISTS, COMPONENT_LISTS_PER_STEP)) {
+    health |= COMPONENT_CONSTANTS;
+  }
+  next->next_list = ((next->next_list % COMPONENT_N_STEP_LISTS) + COMPONENT_LISTS_PER_STEP) % COMPONENT_N_STEP_LISTS;
+  component_from_inputs(u, inputs);
+  health |= admitted(&c->first, u, inputs, &periods);
+  if ((health & (COMPONENT_REFUSED | COMPONENT_REPEATED | COMPONENT_CONSTANTS)) != 0U) {
+    count_up(&next->counts[COMPONENT_COUNT_REFUSED]);
+  } else if (!advance(c, inputs, c->first.period * (component_real)periods, next, w)) {
+    (void)memcpy(next->state, c->first.state, sizeof next->state);
+    (void)memcpy(next->results, c->first.results, sizeof next->results);
+    count_up(&next->counts[COMPONENT_COUNT_FAILED]);
+    health |= COMPONENT_FAILED;
+  } else {
+    next->sequence = u->sequence;
+    count_up(&next->counts[COMPONENT_COUNT_STEPS]);
+    if ((health & COMPONENT_MISSED) != 0U) {
+      count_up(&next->counts[COMPONENT_COUNT_MISSED]);
+    }
+  }
+  return health | judged(next->results);
+}
+
+uint32_t component_step(component *c, const component_inputs *u, component_outputs *y, component_work *w) {
+  uint32_t health = 0U;
+  if (heal(c, &health)) {
+    health |= taken(c, u, w);
+    c->second.health = health;
+    seal_both(c);
+    component_to_outputs(c->first.results, y);
+    y->sequence = c->first.sequence;
+  } else {
+    health = COMPONENT_LOST;
+    (void)memset(y, 0, sizeof *y);
+  }
+  y->health = health;
+  y->crc = crc_outputs(y);
+  return health;
+}
+
+uint32_t component_health(const component *c) {
+  const bool whole = (c->first.crc == crc_block(&c->first)) && (c->first.version == COMPONENT_VERSION);
+  return whole ? c->first.health : COMPONENT_LOST;
+}
+
+uint32_t component_restore(component *c, const component_block *saved) {
+  uint32_t health = COMPONENT_LOST;
+  (void)memset(c, 0, sizeof *c);
+  if ((saved->version == COMPONENT_VERSION) && (saved->crc == crc_block(saved)) && component_constants_hold()) {
+    c->second = *saved;
+    seal_both(c);
+    health = c->first.health;
+  }
+  return health;
+}
+
+bool component_save(const component *c, component_block *saved) {
+  const bool whole = component_health(c) != COMPONENT_LOST;
+  *saved = c->first;
+  return whole;
+}

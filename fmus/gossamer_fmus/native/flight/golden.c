@@ -1,0 +1,78 @@
+/* Run the golden vectors and print how far the results are from them, over the largest of each result; and what a step
+   costs where the board counts (BOARD_COUNT, of board.h). */
+
+#include "component.h"
+#include "golden.h"
+
+#include <math.h>
+#include <stdio.h>
+
+#ifdef BOARD
+#include "board.h"
+#else
+#define BOARD_COUNT() 0U
+#define BOARD_PASSED(begin, end) ((end) - (begin))
+#endif
+
+int main(void) {
+  static component c;
+  static component_work work;
+  static double largest[COMPONENT_N_RESULTS], error[COMPONENT_N_RESULTS];
+  component_inputs u;
+  component_outputs y;
+  component_parameters p;
+  uint32_t most = 0U, total = 0U, health = 0U;
+  int different = 0;
+  double worst = 0.0;
+  component_real numbers[COMPONENT_N_RESULTS];
+  for (int i = 0; i < COMPONENT_N_PARAMETERS; i++) ((component_real *)&p)[i] = (component_real)GOLDEN_PARAMETERS[i];
+  for (int k = 0; k <= GOLDEN_STEPS; k++) {
+    component_real in[COMPONENT_N_INPUTS];
+    for (int i = 0; i < COMPONENT_N_INPUTS; i++) in[i] = (component_real)GOLDEN_INPUTS[k][i];
+    component_to_inputs(in, &u);
+    u.sequence = (uint32_t)k;
+    component_seal(&u);
+    if (k == 0) {
+      health |= component_init(&c, &p, (component_real)GOLDEN_PERIOD, &u, &work);
+      for (int i = 0; i < COMPONENT_N_RESULTS; i++) numbers[i] = c.first.results[i];
+    } else {
+      const uint32_t begin = BOARD_COUNT();
+      health |= component_step(&c, &u, &y, &work);
+      const uint32_t passed = BOARD_PASSED(begin, BOARD_COUNT());
+      total += passed / GOLDEN_STEPS;
+      most = passed > most ? passed : most;
+      component_from_outputs(&y, numbers);
+    }
+    for (int i = 0; i < COMPONENT_N_RESULTS; i++) {
+      const double expected = GOLDEN_RESULTS[k][i], found = (double)numbers[i];
+      different += found != expected;
+      error[i] = fmax(error[i], fabs(found - expected));
+      largest[i] = fmax(largest[i], fabs(expected));
+    }
+  }
+  uint32_t random = 1U; /* the same samples in random order: jumps of full scale */
+  for (uint32_t k = 1U; k <= GOLDEN_STEPS; k++) {
+    component_real in[COMPONENT_N_INPUTS];
+    random = random * 1664525U + 1013904223U;
+    for (int i = 0; i < COMPONENT_N_INPUTS; i++) in[i] = (component_real)GOLDEN_INPUTS[(random >> 8U) % GOLDEN_STEPS][i];
+    component_to_inputs(in, &u);
+    u.sequence = GOLDEN_STEPS + k;
+    component_seal(&u);
+    const uint32_t begin = BOARD_COUNT();
+    (void)component_step(&c, &u, &y, &work);
+    const uint32_t passed = BOARD_PASSED(begin, BOARD_COUNT());
+    most = passed > most ? passed : most;
+  }
+  for (int i = 0; i < COMPONENT_N_RESULTS; i++) {
+    const double relative = error[i] / fmax(largest[i], 1e-12);
+    worst = fmax(worst, relative);
+    (void)printf("error %s %.17g\n", GOLDEN_NAMES[i], relative);
+  }
+  (void)printf("different %d\nworst %.17g\nhealth %lu\nmost %lu\nmean %lu\n", different, worst,
+               (unsigned long)(health & (COMPONENT_INVALID & ~COMPONENT_UNEXPLAINED)), (unsigned long)most, (unsigned long)total);
+  (void)printf("ram %lu\nwork %lu\n", (unsigned long)sizeof c, (unsigned long)sizeof work);
+#ifdef BOARD
+  (void)printf("stack %lu\n", (unsigned long)board_stack());
+#endif
+  return worst <= GOLDEN_TOLERANCE ? 0 : 1;
+}

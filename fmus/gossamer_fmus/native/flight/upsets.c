@@ -1,0 +1,102 @@
+/* Bits that flip: one at a time, in the state, in the constants of a step, or in a sample on its way, at any sample of the
+   golden vectors; then up to WINDOW samples are run on. A result has moved where it is off by a thousandth of its largest
+   value; it is wrong where it is off by a tenth and is no deviation. Prints how many flips did what; fails where one was not seen.
+
+       upsets [flips] */
+
+#define COMPONENT_CONST /* constants that can be written */
+#include "component.c"
+#include "golden.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+
+#define WINDOW 60
+
+typedef enum { IN_STATE, IN_CONSTANTS, IN_SAMPLE, N_PLACES } Place;
+
+static component clean[GOLDEN_STEPS + 1];
+static component_outputs right[GOLDEN_STEPS + 1];
+static component_work work;
+static uint64_t seed = 1U;
+
+static uint32_t draw(uint32_t below) {
+  seed = seed * 6364136223846793005U + 1442695040888963407U;
+  return (uint32_t)((seed >> 33U) % below);
+}
+
+static void sample(int k, component_inputs *u) {
+  component_real in[COMPONENT_N_INPUTS];
+  for (int i = 0; i < COMPONENT_N_INPUTS; i++) in[i] = (component_real)GOLDEN_INPUTS[k][i];
+  component_to_inputs(in, u);
+  u->sequence = (uint32_t)k;
+  component_seal(u);
+}
+
+static void flip(void *object, uint32_t size) {
+  ((unsigned char *)object)[draw(size)] ^= (unsigned char)(1U << draw(8U));
+}
+
+int main(int argc, char **argv) {
+  const int flips = argc > 1 ? atoi(argv[1]) : 1000;
+  static const char *const names[N_PLACES] = {"state", "constants", "sample"};
+  double largest[COMPONENT_N_RESULTS] = {0};
+  component_real p_numbers[COMPONENT_N_PARAMETERS], a[COMPONENT_N_RESULTS], b[COMPONENT_N_RESULTS];
+  component_parameters p;
+  component_inputs u;
+  component_outputs y;
+  int silent_of_all = 0, wrong_of_all = 0;
+  for (int i = 0; i < COMPONENT_N_PARAMETERS; i++) p_numbers[i] = (component_real)GOLDEN_PARAMETERS[i];
+  component_to_parameters(p_numbers, &p);
+  sample(0, &u);
+  component c;
+  (void)component_init(&c, &p, (component_real)GOLDEN_PERIOD, &u, &work);
+  clean[0] = c;
+  for (int k = 1; k <= GOLDEN_STEPS; k++) {
+    sample(k, &u);
+    (void)component_step(&c, &u, &right[k], &work);
+    clean[k] = c;
+    for (int i = 0; i < COMPONENT_N_RESULTS; i++) largest[i] = fmax(largest[i], fabs((double)c.first.results[i]));
+  }
+  for (int place = 0; place < N_PLACES; place++) {
+    int moved = 0, seen = 0, silent = 0, wrong = 0, healed = 0;
+    for (int trial = 0; trial < flips; trial++) {
+      const int begin = (int)draw(GOLDEN_STEPS - 1);
+      int has_moved = 0, is_seen = 0, is_wrong = 0;
+      component_list list = {0};
+      unsigned char *byte = NULL, mask = (unsigned char)(1U << draw(8U));
+      c = clean[begin];
+      if (place == IN_STATE) flip(&c, sizeof c);
+      if (place == IN_CONSTANTS) {
+        list = COMPONENT_LISTS[draw(COMPONENT_N_STEP_LISTS)];
+        byte = (unsigned char *)list.begin + draw(list.words * 4U);
+        *byte ^= mask;
+      }
+      for (int k = begin + 1; k <= GOLDEN_STEPS && k <= begin + WINDOW; k++) {
+        sample(k, &u);
+        if (place == IN_SAMPLE && k == begin + 1) flip(&u, sizeof u);
+        const uint32_t health = component_step(&c, &u, &y, &work);
+        is_seen = is_seen || (health & ~right[k].health) != 0U;
+        healed += (health & COMPONENT_HEALED) != 0U;
+        component_from_outputs(&y, a);
+        component_from_outputs(&right[k], b);
+        for (int i = 0; i < COMPONENT_N_RESULTS; i++) {
+          const double off = fabs((double)a[i] - (double)b[i]);
+          has_moved = has_moved || !(off <= 1e-3 * largest[i]);
+          const int is_answer = strstr(GOLDEN_NAMES[i], "deviation") == NULL; /* a missing sample makes a strain less certain */
+          is_wrong = is_wrong || (is_answer && (health & COMPONENT_INVALID) == 0U && !(off <= 0.1 * largest[i]));
+        }
+      }
+      if (byte) *byte ^= mask;
+      moved += has_moved;
+      seen += is_seen;
+      silent += has_moved && !is_seen;
+      wrong += is_wrong;
+    }
+    (void)printf("%s: %d flips, %d seen, %d healed, %d moved a result, %d of these not seen, %d valid and wrong\n", names[place],
+                 flips, seen, healed, moved, silent, wrong);
+    silent_of_all += silent;
+    wrong_of_all += wrong;
+  }
+  return silent_of_all || wrong_of_all ? 1 : 0;
+}

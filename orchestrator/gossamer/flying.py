@@ -1,0 +1,132 @@
+"""A compensator or detector as C for a flight processor, and what it needs there."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from gossamer_files.inputs import check_outputs
+from gossamer_files.tables import TableText
+
+from .arguments import File, Folder, Scales, command
+from .results import Saved
+
+_ROWS = (  # key, words, unit
+    ("text", "code", "byte"),
+    ("rodata", "constants", "byte"),
+    ("ram", "RAM of a component: its state, twice", "byte"),
+    ("work", "RAM of work space, which components share", "byte"),
+    ("stack", "stack bound along the call graph, without the C library", "byte"),
+    ("stack_in_use", "stack in use, with the C library and the runner's printf", "byte"),
+    ("most", "instructions of a step, the most (a count, not a time)", "1"),
+    ("mean", "instructions of a step, on average", "1"),
+    ("worst", "error of the golden vectors, over the largest of each result", "1"),
+)
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class FlightCode(Saved):
+    """A component for a flight processor.
+
+    Attributes
+    ----------
+    files : sequence of Path
+        The folder of its sources.
+    kind : str
+        What it is.
+    bits : int
+        Of its numbers.
+    budgets : dict of str to float
+        What it needs on a Cortex-M7, by name; empty where that was not measured.
+    """
+
+    kind: str
+    bits: int
+    budgets: dict[str, float]
+
+    @property
+    def sentence(self) -> str:
+        """What it is."""
+        return f"The {self.kind} as C, in numbers of {self.bits} bits, without allocation and global state."
+
+    def tables(self) -> list[TableText]:
+        """Return the budgets."""
+        rows = [(words, f"{self.budgets[key]:.6g}", unit) for key, words, unit in _ROWS if self.budgets]
+        return [TableText(("on a Cortex-M7 under QEMU", "", "unit"), rows, "")]
+
+    def hints(self) -> list[str]:
+        """Return what to type next."""
+        return [f"Type 'make -C {self.path} golden': it compiles and runs the golden vectors."]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the folder and the budgets."""
+        return {"folder": self.path, "kind": self.kind, "bits": self.bits, "budgets": self.budgets}
+
+
+@command
+def flight(
+    kind: Literal["compensator", "estimator", "filter", "detector"],
+    *,
+    out: Folder = "out/flight",
+    artifact: File | None = None,
+    scales: Scales | None = None,
+    float: Literal[64, 32] = 64,
+    measure: bool = False,
+) -> FlightCode:
+    """Write a compensator or the detector as C for a flight processor.
+
+    The folder holds C11 with an interface of its own, an example, golden vectors with what runs them, and the interface as a
+    page. The mathematics is that of the native FMU, bit by bit.
+
+    Parameters
+    ----------
+    kind
+        What to write: compensator (the exact inverse, or the direct one of an artifact that has it), estimator, filter,
+        detector.
+    out
+        Folder to write it to.
+    artifact
+        Identified sensor or trained detector: its file, or nominal, wide or single_damage, which ship with Gossamer.
+    scales
+        Of the identified sensor, in place of its own: resistance at rest [ohm], its rise to full scale [ohm] and full scale
+        [1].
+    float
+        Bits of its numbers.
+    measure
+        Compile it for a Cortex-M7 and run it under QEMU, and write memory, stack and instructions to budgets.json; needs
+        Debian's gcc-arm-none-eabi, libnewlib-arm-none-eabi and qemu-system-arm.
+
+    Returns
+    -------
+    FlightCode
+        A path, with the budgets; displayed in a notebook.
+
+    Examples
+    --------
+    >>> gossamer.flight("compensator", float=32)
+
+    On the command line::
+
+        gossamer flight compensator
+
+        gossamer flight estimator --artifact out/mine/sensor.json --out out/flight --measure
+    """
+    from gossamer_fmus.catalogue import make_model
+    from gossamer_fmus.flight import flight_files, golden_vectors
+    from gossamer_fmus.flight_budgets import budgets
+
+    folder = Path(out)
+    given: dict[str, Any] = {"artifact": None if artifact is None else Path(artifact), "scales": scales}
+    model = make_model(kind, **given)
+    vectors, golden = golden_vectors(model, None if kind == "detector" else make_model("sensor", **given))
+    files = flight_files(model, kind, vectors, golden, float)
+    check_outputs(folder / name for name in files)
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, content in files.items():
+        (folder / name).write_bytes(content)
+    measured = budgets(folder, kind) if measure else {}
+    if measured:
+        (folder / "budgets.json").write_text(json.dumps(measured, indent=1), encoding="utf-8")
+    return FlightCode(files=[folder], kind=kind, bits=float, budgets=measured)

@@ -1,0 +1,54 @@
+"""``gossamer flight``: a kind of component in, a folder of C out."""
+
+import json
+import shutil
+from pathlib import Path
+
+import gossamer
+import pytest
+from command_line import invoke
+from gossamer_fmus.flight_budgets import missing_tools
+
+
+def test_the_folder_holds_what_a_flight_processor_needs_and_the_interface(tmp_path):
+    result = invoke(["flight", "compensator", "--float", "32", "--out", str(tmp_path / "flight"), "--json"])
+    assert result.exit_code == 0, result.output
+    said = json.loads(result.stdout)
+    assert (said["kind"], said["bits"], said["budgets"]) == ("compensator", 32, {})
+    files = {path.name for path in Path(said["folder"]).iterdir()}
+    assert {"compensator.c", "compensator.h", "main.c", "golden.c", "Makefile", "CMakeLists.txt", "INTERFACE.md"} <= files
+    page = (tmp_path / "flight/INTERFACE.md").read_text(encoding="utf-8")
+    assert "| `resistance` | ohm | any finite number | 100 | Measured resistance" in page
+    assert "| `strain` | 1 | 0 to any finite number |  | Recovered strain |" in page
+    header = (tmp_path / "flight/compensator.h").read_text(encoding="utf-8")
+    assert "typedef float compensator_real;" in header
+    assert "compensator_real known; /* [1] 1 if the strain is known now; else 0; 0 to 1; starts at 0 */" in header
+
+
+def test_scales_are_where_it_starts(tmp_path):
+    made = gossamer.flight("estimator", out=tmp_path, scales=(1000.0, 150.0, 0.2))
+    header = (Path(made) / "estimator.h").read_text(encoding="utf-8")
+    assert ".rest_resistance = 1000.0," in header
+    assert ".full_scale_strain = 0.2," in header
+
+
+def test_a_kind_that_there_is_not_is_refused():
+    result = invoke(["flight", "membrane"])
+    assert result.exit_code != 0
+    assert "membrane" in result.output
+
+
+@pytest.mark.skipif(bool(missing_tools()), reason=f"not installed: {', '.join(missing_tools())}")
+def test_budgets_are_measured_and_kept(tmp_path):
+    result = invoke(["flight", "compensator", "--float", "32", "--out", str(tmp_path), "--measure"])
+    assert result.exit_code == 0, result.output
+    assert "instructions of a step, the most (a count, not a time)" in result.stderr
+    budgets = json.loads((tmp_path / "budgets.json").read_text())
+    assert 0 < budgets["mean"] <= budgets["most"] < 144_000  # a step of 0.3 ms at 480 MHz
+
+
+def test_without_the_tools_it_says_what_to_install(tmp_path, monkeypatch):
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    result = invoke(["flight", "compensator", "--out", str(tmp_path), "--measure"])
+    assert result.exit_code == 1
+    assert "budgets need make, gcc-arm-none-eabi and libnewlib-arm-none-eabi, qemu-system-arm" in result.output
