@@ -7,6 +7,7 @@ from .model import first_period, membrane_model
 from .portable import read_structure
 from .reading import MeshFile, read_mesh
 from .reduction import Reach, Reduced, reaches, reduce_membrane, reduced_model
+from .lines import Beam, Cable, PointMass
 from .setup import Built, Edge, Fault, Gas, Load, Paraboloid, Region, Sensor, Setup, Support
 from .square import MembraneParams, square_structure
 from .statics import Equilibria, Equilibrium, EquilibriumDerivatives
@@ -32,13 +33,16 @@ __all__ = [
     "reduce_membrane",
     "reduced_model",
     # what it is made of
+    "Beam",
     "Built",
+    "Cable",
     "Edge",
     "Fault",
     "Gas",
     "LAWS",
     "Load",
     "Paraboloid",
+    "PointMass",
     "Region",
     "Sensor",
     "Setup",

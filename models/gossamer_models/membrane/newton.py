@@ -61,7 +61,7 @@ class Newton:
         self.balance = ca.Function("balance", arguments, [f, accepted])
         x = equations.positions(q, by_name_u, by_name_p)
         shared = equations.shared(by_name_u, by_name_p, ca.MX(0.0), equations.gas_of_start(by_name_u))
-        K = tangent(equations, x, shared, by_name_p)[self.free.tolist(), self.free.tolist()]
+        K = tangent(equations, x, shared, by_name_u, by_name_p)[self.free.tolist(), self.free.tolist()]
         self._tangent = ca.Function("tangent", arguments, [K])
 
     def tangent(self, u: Vector, p: Vector, q: Vector) -> scipy.sparse.csc_matrix:
