@@ -3,11 +3,11 @@
 from .assembly import MembraneEquations
 from .built import Surveyed, as_built, surveyed, with_shape
 from .law import LAWS
+from .lines import Beam, Cable, PointMass
 from .model import first_period, membrane_model
 from .portable import read_structure
 from .reading import MeshFile, read_mesh
 from .reduction import Reach, Reduced, reaches, reduce_membrane, reduced_model
-from .lines import Beam, Cable, PointMass
 from .setup import Built, Edge, Fault, Gas, Load, Paraboloid, Region, Sensor, Setup, Support
 from .square import MembraneParams, square_structure
 from .statics import Equilibria, Equilibrium, EquilibriumDerivatives

@@ -23,7 +23,6 @@ from ..element_loop import ElementLoop, Tables
 from ..variables import Values
 from .element import balance, sum_at, tangents
 from .geometry import stiffest
-from .lines import LineParts
 from .loops import at_points, element_tangent, encloses, force_loop, limits, own_numbers, swept, tilts, volume_loop
 from .setup import LEFT
 from .structure import Elements, Structure
@@ -337,9 +336,9 @@ class MembraneEquations:
             found.append(each(at, self._line_stiffness(u)[:, loop.shared.tolist()], ca.DM(loop.own).T))
         return found
 
-    def places(self, block: Elements | LineParts, axes: int = 3) -> NDArray[np.int64]:
+    def places(self, nodes: NDArray[np.int64], axes: int = 3) -> NDArray[np.int64]:
         """Return the places in q of the displacements of each element, ``n_q`` of those that are held, shape (n, axes m)."""
-        node = self._rank[block.nodes]
+        node = self._rank[nodes]
         row = np.where(node < self.n_q // 3, axes * node, self.n_q // 3 * axes)[:, None, :] + np.arange(axes)[:, None]
         return np.minimum(row, self.n_q // 3 * axes).reshape(len(node), -1)
 

@@ -54,10 +54,10 @@ def loose(mesh: SurfaceMesh, free: NDArray[np.bool_]) -> Iterator[Mistake]:
         X = mesh.nodes[sheet == k] - mesh.nodes[sheet == k].mean(axis=0)
         motions = [np.broadcast_to(axis, X.shape) for axis in np.eye(3)]
         motions += [np.cross(axis, X) / mesh.size for axis in np.eye(3)]
-        every = np.stack(motions, axis=-1)
-        moves = np.linalg.eigh(np.einsum("nij,nik->jk", every, every))  # a straight line has no motion about itself
-        moves = moves[1][:, moves[0] > 1e-18 * len(X)]
-        A = every[held[sheet == k]] @ moves
+        rigid = np.stack(motions, axis=-1)
+        sizes, moves = np.linalg.eigh(np.einsum("nij,nik->jk", rigid, rigid))
+        moves = moves[:, sizes > 1e-18 * len(X)]  # a straight line has no motion about itself
+        A = rigid[held[sheet == k]] @ moves
         strengths, modes = np.linalg.eigh(A.T @ A)
         modes = moves @ modes
         if strengths[0] < 1e-18 * len(X):

@@ -153,9 +153,10 @@ def in_plane(equations: MembraneEquations, u: Values, p: Values) -> tuple[ca.MX,
 def tangent(equations: MembraneEquations, x: ca.MX, shared: Shared, u: Values, p: Values, axes: int = 3) -> ca.MX:
     """Write ``-df/dx`` [N/m] of the moving nodes along the first axes, sparse, shape (axes M, axes M)."""
     blocks, size = equations.tangents(x, shared, u, p, axes), equations.n_q // 3 * axes
-    places = [equations.places(kind, axes) for kind in (*equations.structure.elements, *equations.structure.lines)]
+    structure = equations.structure
+    places = [equations.places(kind.nodes, axes) for part in (structure.elements, structure.lines) for kind in part]
     K = -sum(_assembled(each, rows, size) for each, rows in zip(blocks, places, strict=True))
-    return K + ca.diag(equations.spring_stiffness(p)) if equations.structure.setup.springs else K
+    return K + ca.diag(equations.spring_stiffness(p)) if structure.setup.springs else K
 
 
 def _assembled(blocks: ca.MX, rows: NDArray[np.int64], size: int) -> ca.MX:

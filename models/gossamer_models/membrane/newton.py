@@ -132,7 +132,10 @@ class Newton:
         if not len(self.free):  # all nodes are held
             return None
         q, mu, refused = np.zeros(len(self._stiffness)) if begin is None else begin, _SHIFT, 0
-        (f, left), K = self.left(u, p, q), self.stiffened(u, p, q)
+        f, left = self.left(u, p, q)
+        if left == np.inf:
+            return None
+        K = self.stiffened(u, p, q)
         for _ in range(MOST_STEPS):
             step = splu(self._shifted(K, mu)).solve(f)
             to = q.copy()

@@ -334,15 +334,17 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
     raise_any([*loose(mesh, free & ~sprung.any(axis=0)), *leaking(setup, mesh, free, encloses)])
     drawn = np.array([setup.supports[i].stiffness for i in setup.springs])
     stiffness += (drawn @ sprung).reshape(-1, 3).max(axis=1)
-    lines, adds_lines = (), False
-    if setup.lines:  # the stiffer of bounds that both hold
-        moves = free.reshape(-1, 3).any(axis=1)
-        own, all_of_it = (line_parts(setup.lines, mesh, each, moves) for each in (added, mass))
+    lines: tuple[LineParts, ...] = ()
+    adds_lines = False
+    if setup.lines:  # both bounds hold, the lower one is taken
+        moves = np.asarray(free.reshape(-1, 3).any(axis=1))
+        lines, shared = (line_parts(setup.lines, mesh, each, moves) for each in (added, mass))
         film = max(float(np.max(high * (D / areal)[region[b.faces]])) for b, high in zip(mesh.blocks, highest, strict=True))
-        rates = [sum(float(part.limit.max()) for part in parts) for parts in (own, all_of_it)]
-        adds_lines = film + rates[1] < max(film, rates[0])
-        lines = all_of_it if adds_lines else own
-        stiffness += sum(part.stiffness for part in lines)
+        own, whole = (sum(float(part.limit.max()) for part in parts) for parts in (lines, shared))
+        adds_lines = film + whole < max(film, own)
+        lines = shared if adds_lines else lines
+        for part in lines:
+            stiffness += part.stiffness
     return Structure(
         setup=setup,
         mesh=mesh,
