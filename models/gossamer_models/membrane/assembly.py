@@ -92,7 +92,9 @@ class MembraneEquations:
         compressed = "compressed_share" in self._table
         own = structure, self._rank
         self._force_loops = [force_loop(*own, i, self.shared_names, compressed=compressed) for i in blocks]
-        self._line_loops = [parts.loop(self._rank, len(structure.setup.lines)) for parts in structure.lines]
+        on_lines = np.unique(np.concatenate([np.zeros(0, dtype=int), *(parts.nodes.ravel() for parts in structure.lines)]))
+        self._line_loops = [parts.loop(on_lines, len(structure.setup.lines)) for parts in structure.lines]
+        self._on_lines = (3 * self._rank[on_lines][:, None] + np.arange(3)).ravel().tolist()
         enclosing = blocks if structure.setup.gas is not None else ()
         self._volume_loops = [volume_loop(*own, i, self.shared_names) for i in enclosing]
         self.loops = [*self._force_loops, *self._line_loops, *self._volume_loops]
@@ -272,12 +274,14 @@ class MembraneEquations:
 
     def _with_lines(self, total: Forces, x: ca.MX, u: Values, p: Values) -> Forces:
         """Add what cables and beams give; the bounds of their squared frequencies add up."""
-        left, rate = self._line_stiffness(u), ca.MX(0.0)
+        left, x, f, strain, rate = self._line_stiffness(u), x[self._on_lines], ca.MX(total.f), total.strain, ca.MX(0.0)
         for loop in self._line_loops:
-            f, each, *strain = self._looped(loop, x, left) if self._compiled else self._mapped(loop, x, left)
-            total = replace(total, f=total.f + f, strain=ca.fmax(total.strain, *strain) if strain else total.strain)
+            pull, each, *more = self._looped(loop, x, left) if self._compiled else self._mapped(loop, x, left)
+            f[self._on_lines] += pull
+            strain = ca.fmax(strain, *more) if more else strain
             rate += self.lightness(p) * each
-        return replace(total, rate=total.rate + rate if self.structure.adds_lines else ca.fmax(total.rate, rate))
+        rate = total.rate + rate if self.structure.adds_lines else ca.fmax(total.rate, rate)
+        return replace(total, f=f, rate=rate, strain=strain)
 
     def _line_stiffness(self, u: Values) -> ca.MX:
         """Write the share of the stiffness that is left in each beam and cable [1], shape (1, lines)."""
@@ -332,7 +336,7 @@ class MembraneEquations:
             arguments = [ca.SX.sym("i", loop.function.size1_in(i)) for i in range(3)]
             slope = ca.densify(ca.jacobian(loop.function.call(arguments)[0], arguments[0]))
             each = ca.Function("line_tangent", arguments, [slope]).map(len(loop.nodes), "serial")
-            at = ca.reshape(x[_places(loop.nodes).reshape(-1).tolist()], -1, len(loop.nodes))
+            at = ca.reshape(x[self._on_lines][_places(loop.nodes).reshape(-1).tolist()], -1, len(loop.nodes))
             found.append(each(at, self._line_stiffness(u)[:, loop.shared.tolist()], ca.DM(loop.own).T))
         return found
 
@@ -396,7 +400,7 @@ class MembraneEquations:
         f, *numbers = each(elements, columns[:, loop.shared.tolist()], ca.DM(loop.own).T)
         reduced = {"largest": ca.mmax, "sum": ca.sum2}
         numbers = [reduced[kind](row) for kind, row in zip(loop.reductions, numbers, strict=True)]
-        return [sum_at(places, ca.vec(f), 3 * len(self._rank)), *numbers]
+        return [sum_at(places, ca.vec(f), 3 * loop.n_nodes), *numbers]
 
     def _looped(self, loop: ElementLoop, x: ca.MX, columns: ca.MX) -> list[ca.MX]:
         found: list[ca.MX] = loop.stand_in.call([x, ca.vec(columns)])

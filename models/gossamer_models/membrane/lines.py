@@ -163,14 +163,15 @@ class LineParts:
     limit: Vector
     stiffness: Vector
 
-    def loop(self, rank: Integers, lines: int) -> ElementLoop:
-        """Write the forces of one as a function, for all of them in a loop."""
+    def loop(self, nodes: Integers, lines: int) -> ElementLoop:
+        """Write the forces of one as a function, for all of them in a loop over the nodes of lines alone, rising."""
         k = self.nodes.shape[1]
         x, left, g = ca.SX.sym("x", 3 * k), ca.SX.sym("left"), ca.SX.sym("g", self.own.shape[1] + 1)
         results = ca.cse((_stretched if k == 2 else _bent)(x, left, g))
         function = ca.Function(f"line_{k}", [x, left, g], results)
         own, largest = np.column_stack([self.own, self.limit]), ("largest",) * (len(results) - 1)
-        return ElementLoop(f"lines_{k}", function, k, largest, len(rank), lines, rank[self.nodes], self.line, own)
+        at = np.searchsorted(nodes, self.nodes)
+        return ElementLoop(f"lines_{k}", function, k, largest, len(nodes), lines, at, self.line, own)
 
 
 def _stretched(x: ca.SX, left: ca.SX, g: ca.SX) -> list[ca.SX]:
