@@ -56,7 +56,8 @@ def loose(mesh: SurfaceMesh, free: NDArray[np.bool_]) -> Iterator[Mistake]:
         motions += [np.cross(axis, X) / mesh.size for axis in np.eye(3)]
         rigid = np.stack(motions, axis=-1)
         sizes, moves = np.linalg.eigh(np.einsum("nij,nik->jk", rigid, rigid))
-        moves = moves[:, sizes > 1e-18 * len(X)]  # a straight line has no motion about itself
+        is_motion = sizes > 1e-18 * len(X)  # a straight line has none about itself
+        moves = np.eye(6) if is_motion.all() else moves[:, is_motion]
         A = rigid[held[sheet == k]] @ moves
         strengths, modes = np.linalg.eigh(A.T @ A)
         modes = moves @ modes
