@@ -25,6 +25,7 @@ from gossamer_models.membrane import (
 )
 from gossamer_models.membrane.portable import structure_text
 from gossamer_models.mistakes import DescriptionError
+from gossamer_models.twin.forward import MembraneForward
 from gossamer_models.variables import by_name
 from oracles.meshes import meshed, rectangle
 from scipy.optimize import brentq
@@ -35,6 +36,7 @@ ENDS = Support(group="rope_start"), Support(group="rope_end")
 E, RADIUS, LENGTH, DENSITY = 70e9, 5e-3, 2.0, 2700.0
 EI, MASS = E * np.pi * RADIUS**4 / 4.0, DENSITY * np.pi * RADIUS**2  # [N m2], [kg/m]
 TUBE = {"youngs_modulus": E, "area": np.pi * RADIUS**2, "second_moment": np.pi * RADIUS**4 / 4.0, "density": DENSITY}
+ROPE = {"youngs_modulus": 1e9, "area": 1e-5, "density": 1000.0}
 
 
 def beside_a_patch(*supports, **setup):
@@ -44,8 +46,7 @@ def beside_a_patch(*supports, **setup):
 
 
 def rope(parts=10, **more):
-    more = {"youngs_modulus": 1e9, "area": 1e-5, "density": 1000.0} | more
-    return Cable(name="rope", path=((0.0, 0.0, 0.0), (2.0, 0.0, 0.0)), parts=parts, **more)
+    return Cable(name="rope", path=((0.0, 0.0, 0.0), (2.0, 0.0, 0.0)), parts=parts, **ROPE | more)
 
 
 def boom(parts, tip=0.0, force=0.0, **more):
@@ -268,6 +269,26 @@ def test_a_cable_is_a_zone_and_its_strain_a_reading():
     assert slope == pytest.approx([0.0, (near - found.strain[0, 0]) / 1e-5], rel=1e-4, abs=1e-9)
 
 
+def test_a_batch_of_cases_runs_as_the_model_does():
+    """A film with cords, one of which loses 40 % of its stiffness, under a pressure that begins."""
+    sensor = Sensor(point=(0.5, 0.0, 0.0), direction=(1.0, 0.0, 0.0), line="cord")
+    cord = Cable(name="cord", group="side0", tension=20.0, zone=True, **ROPE)
+    structure = strip(supports=(Support(group="left"), Support(group="right")), cables=(cord,), sensors=(sensor,))
+    strain = MembraneForward(structure).strain(np.array([[0.4]]), {}, {"pressure": np.full((1, 20), 5.0)}, 20, 1e-3)
+    run = Stepper(membrane_model(structure))
+    run.set("damage[1]", 0.4)
+    run.initialize()
+    run.set("pressure", 5.0)
+    found = [run.step(1e-3) or run.get("strain[1]") for _ in range(20)]
+    assert strain[0, 0] == pytest.approx(found, rel=1e-6)
+
+
+def test_a_beam_that_is_drawn_bent_is_remarked_on():
+    bent = Beam(name="arm", path=((0.0,) * 3, (1.0, 0.0, 0.0), (1.0, 1.0, 0.0)), clamped=("arm_start",), **TUBE)
+    assert "90 degrees" in " ".join(beside_a_patch(beams=(bent,)).remarks)
+    assert "bent" not in " ".join(boom(4).remarks)
+
+
 def test_lines_are_the_same_read_back_and_finer_with_a_finer_mesh():
     structure = boom(10, tip=1.0)
     again, finer = read_structure(structure_text(structure)), structure.finer()
@@ -277,7 +298,6 @@ def test_lines_are_the_same_read_back_and_finer_with_a_finer_mesh():
     assert finer.mass.sum() == pytest.approx(structure.mass.sum())
 
 
-ROPE = {"youngs_modulus": 1e9, "area": 1e-5, "density": 1000.0}
 PATH = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
 
 

@@ -6,6 +6,7 @@ combination share modulus, pressure and eigenstrain, so these are computed once 
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -29,6 +30,7 @@ from .setup import MAX_ORDER, MOST_REFINED, Setup
 from .surface import Integers, SurfaceMesh, refined, sides_of
 from .zones import Zone, divide
 
+_DRAWN_BENT = 1e-3  # half the angle between segments [rad] that is remarked on
 _FLAT = 1e-9  # share of its mean, or of the size cubed, below which an element has no area, a surface no volume
 _EDGE = 0.2  # squared sine of a tilt [1] from which on the surface has an edge
 _CHORDS = 0.01  # of which more is remarked on
@@ -199,6 +201,12 @@ class Structure:
                 f"Its elements are flatter than the surface: about {100.0 * self.chord_error:.1f} % of a volume is lost. "
                 "Mesh more finely, or with quadrilaterals of 9 nodes and order = 2 or more."
             )
+        for part in self.lines:
+            t = np.diff(self.mesh.nodes[part.nodes], axis=1)
+            t /= np.linalg.norm(t, axis=2, keepdims=True)
+            if t.shape[1] == 2 and (sine := float(np.linalg.norm(t[:, 1] - t[:, 0], axis=1).max() / 2.0)) > _DRAWN_BENT:
+                text = f"A beam is drawn bent, by {2.0 * math.degrees(math.asin(sine)):.2g} degrees at a node."
+                found.append(f"{text} It is straight where nothing bends it, so it begins with a moment.")
         outside = self.zone_of_elements < 0
         if self.n_zones and np.any(outside):
             share = 100.0 * self.areas[outside].sum() / self.areas.sum()
