@@ -51,7 +51,7 @@ class SquareEquations:
     @cached_property
     def tangent(self) -> ca.Function:
         """``K = -df/dq`` [N/m], sparse; not symmetric under pressure."""
-        return self._function(lambda x, shared, p: tangent(self._equations, x, shared, p, axes=3))
+        return self._function(lambda x, shared, p: tangent(self._equations, x, shared, p, p, axes=3))
 
     def node_mass(self, params: MembraneParams) -> Vector:
         """Masses [kg] of the moving nodes, once for each of x, y, z."""

@@ -13,8 +13,11 @@ from gossamer_fmus.compiler import fmi_headers
 from gossamer_models import Stepper
 from gossamer_models.compiler import compile_shared
 from gossamer_models.membrane import (
+    Beam,
+    Cable,
     Gas,
     Load,
+    PointMass,
     Region,
     Sensor,
     Setup,
@@ -37,6 +40,13 @@ DRUM = Setup(
     sensors=(Sensor(point=(0.1, 0.1, 0.0), direction=(0.0, 1.0, 0.0), gauge_length=0.05),),
 )
 MOVED = replace(DRUM, gas=None, supports=(Support(group="rim", motion="stroke", stretch=(1.01, 1.01, 1.0)),))
+ROD = {"youngs_modulus": 1e9, "area": 1e-5, "density": 1500.0, "parts": 4}
+RIGGED = replace(  # a cord from the middle, and a pole from a wall to the film with a mass along it
+    MOVED,
+    cables=(Cable(name="cord", path=((0.0, 0.0, 0.0), (0.0, 0.225, 0.0)), tension=5.0, zone=True, **ROD),),
+    beams=(Beam(name="pole", path=((0.225, 0.0, 0.0), (0.9, 0.0, 0.1)), clamped=("pole_end",), second_moment=1e-10, **ROD),),
+    masses=(PointMass(group="pole", mass=0.02),),
+)
 OUTPUTS = ("strain[1]", "displacement", "largest_strain", "compressed_share", "max_step")
 
 
@@ -92,7 +102,7 @@ class Python:
 
 
 @pytest.mark.parametrize(
-    ("order", "kind", "cells", "setup"), [(1, "quad", 3, DRUM), (3, "quad9", 1, DRUM), (1, "triangle", 2, MOVED)]
+    ("order", "kind", "cells", "setup"), [(1, "quad", 3, DRUM), (3, "quad9", 1, DRUM), (1, "triangle", 2, RIGGED)]
 )
 def test_as_c_it_gives_the_numbers_of_the_virtual_machine(order, kind, cells, setup, tmp_path):
     pytest.importorskip("ziglang", reason="native FMUs need the compiler ziglang")

@@ -218,7 +218,8 @@ def _finer_worlds(truth: campaigns.CampaignPlan, mesh: campaigns.Mesh) -> Iterat
         yield Condition("pressure with a harmonic", "harmonic", truth, loads=truths.harmonic, quick=True)
         tilted = replace(truth, membrane=truths.tilted(mesh))
         yield Condition("tilted pressure", "tilted", tilted, loads=truths.tilt, quick=True)
-    if truths.QUARTERS * mesh.structure.n_zones > MOST_ZONES:
+    structure = mesh.structure
+    if truths.QUARTERS * structure.n_zones > MOST_ZONES or structure.n_face_zones < structure.n_zones:
         return
     parts = truths.quartered(mesh)
     for name, kind in PARTIAL.items():

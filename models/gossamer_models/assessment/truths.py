@@ -81,7 +81,7 @@ def with_moved_sensors(mesh: Mesh, share: float) -> Mesh:
             inward = np.sign((low + high)[axis] / 2.0 - sensor.point[axis]) or 1.0
             point = np.array(sensor.point) + inward * share * (high - low)[first] * np.eye(3)[axis]
             x, y, z = (place_matrix(structure.mesh, point[None]) @ structure.mesh.nodes)[0].tolist()  # on a curved surface
-            moved.append(replace(sensor, point=(x, y, z)))
+            moved.append(sensor if sensor.line else replace(sensor, point=(x, y, z)))
     return replace(mesh, setup=replace(setup, sensors=(*setup.sensors, *moved)))
 
 

@@ -4,6 +4,7 @@ from .assembly import MembraneEquations
 from .built import Surveyed, as_built, surveyed, with_shape
 from .effectors import SpringMasses, flex_file, node_file, spring_masses
 from .law import LAWS
+from .lines import Beam, Cable, PointMass
 from .model import first_period, membrane_model
 from .portable import read_structure
 from .reading import MeshFile, read_mesh
@@ -37,13 +38,16 @@ __all__ = [
     "spring_masses",
     "SpringMasses",
     # what it is made of
+    "Beam",
     "Built",
+    "Cable",
     "Edge",
     "Fault",
     "Gas",
     "LAWS",
     "Load",
     "Paraboloid",
+    "PointMass",
     "Region",
     "Sensor",
     "Setup",

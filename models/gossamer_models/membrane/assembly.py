@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Vector
-from ..element_loop import Tables
+from ..element_loop import ElementLoop, Tables
 from ..variables import Values
 from .element import balance, sum_at, tangents
 from .geometry import stiffest
@@ -92,9 +92,12 @@ class MembraneEquations:
         compressed = "compressed_share" in self._table
         own = structure, self._rank
         self._force_loops = [force_loop(*own, i, self.shared_names, compressed=compressed) for i in blocks]
+        on_lines = np.unique(np.concatenate([np.zeros(0, dtype=int), *(parts.nodes.ravel() for parts in structure.lines)]))
+        self._line_loops = [parts.loop(on_lines, len(structure.setup.lines)) for parts in structure.lines]
+        self._on_lines = (3 * self._rank[on_lines][:, None] + np.arange(3)).ravel().tolist()
         enclosing = blocks if structure.setup.gas is not None else ()
         self._volume_loops = [volume_loop(*own, i, self.shared_names) for i in enclosing]
-        self.loops = [*self._force_loops, *self._volume_loops]
+        self.loops = [*self._force_loops, *self._line_loops, *self._volume_loops]
 
     @property
     def tables(self) -> Tables | None:
@@ -246,10 +249,10 @@ class MembraneEquations:
             side = block.geometry.side or 1.0
             unit, per_unit = side * self.size(p), self.shortness(p) / side
             own = {name: value * unit if name in _PER_LENGTH else value for name, value in shared.items()}
-            if self._compiled:
-                found = self._looped(i, per_unit * x, own)
-            elif self._is_mapped:
-                found = self._mapped(i, per_unit * x, own)
+            if self._compiled or self._is_mapped:
+                sums = self._looped if self._compiled else self._mapped
+                f, rate, strain, *rest = sums(self._force_loops[i], per_unit * x, self._columns(own))
+                found = Forces(f, rate, strain, rest[0] if rest else ca.MX(0.0))
             else:
                 found = self._at_once(block, per_unit * x, own)
             parts.append(replace(found, f=unit * found.f, compressed=side**2 * found.compressed))
@@ -259,6 +262,8 @@ class MembraneEquations:
             total = Forces(total.f + part.f, rate, strain, total.compressed + part.compressed)
         area = float(self.structure.areas.sum())
         total = replace(total, rate=self._quickening(p) * total.rate, compressed=total.compressed / area)
+        if self._line_loops:
+            total = self._with_lines(total, x, u, p)
         if not self.structure.setup.springs:
             return total
         k = self.spring_stiffness(p)
@@ -266,6 +271,22 @@ class MembraneEquations:
         pull = k * (moving - self._still(u, p, self.parted)[0])
         rate = self.lightness(p) * ca.mmax(k * self.arrays["mobility"])
         return replace(total, f=total.f - ca.vertcat(pull, ca.MX.zeros(held.numel())), rate=total.rate + rate)
+
+    def _with_lines(self, total: Forces, x: ca.MX, u: Values, p: Values) -> Forces:
+        """Add what cables and beams give; the bounds of their squared frequencies add up."""
+        left, x, f, strain, rate = self._line_stiffness(u), x[self._on_lines], ca.MX(total.f), total.strain, ca.MX(0.0)
+        for loop in self._line_loops:
+            pull, each, *more = self._looped(loop, x, left) if self._compiled else self._mapped(loop, x, left)
+            f[self._on_lines] += pull
+            strain = ca.fmax(strain, *more) if more else strain
+            rate += self.lightness(p) * each
+        rate = total.rate + rate if self.structure.adds_lines else ca.fmax(total.rate, rate)
+        return replace(total, f=f, rate=rate, strain=strain)
+
+    def _line_stiffness(self, u: Values) -> ca.MX:
+        """Write the share of the stiffness that is left in each beam and cable [1], shape (1, lines)."""
+        zone = self.structure.line_zone
+        return 1.0 - ca.vertcat(u.damage, 0.0)[zone.tolist()].T if np.any(zone >= 0) else ca.MX.ones(1, len(zone))
 
     def volume(self, x: ca.MX) -> ca.MX:
         r"""Write the volume [m3] that the enclosing faces bound: :math:`\tfrac13 \oint x \cdot n\,\mathrm{d}A`.
@@ -295,9 +316,9 @@ class MembraneEquations:
         for block in structure.elements:
             on = structure.enclosing[block.combination]
             np.add.at(areas, block.nodes[on], block.geometry.node_normals[on])
-        return float(np.sum(structure.free.reshape(-1, 3) * areas**2 / structure.mass[:, None]))
+        return float(np.sum(structure.free.reshape(-1, 3) * areas**2 / np.maximum(structure.mass[:, None], 1e-300)))
 
-    def tangents(self, x: ca.MX, shared: Shared, p: Values, axes: int = 3) -> list[ca.MX]:
+    def tangents(self, x: ca.MX, shared: Shared, u: Values, p: Values, axes: int = 3) -> list[ca.MX]:
         """Write the derivative of the forces [N/m] of the elements of each kind by their nodes' positions, side by side.
 
         Shape (axes m, axes m n), along x of all nodes first; see ``places`` for where they belong.
@@ -311,11 +332,17 @@ class MembraneEquations:
             at = ca.vertcat(*self._positions(block, self.shortness(p) / side * x))
             numbers = ca.DM(own_numbers(self.structure, block)).T
             found.append(each(at, d[:, block.combination.tolist()], numbers))
+        for loop in self._line_loops:
+            arguments = [ca.SX.sym("i", loop.function.size1_in(i)) for i in range(3)]
+            slope = ca.densify(ca.jacobian(loop.function.call(arguments)[0], arguments[0]))
+            each = ca.Function("line_tangent", arguments, [slope]).map(len(loop.nodes), "serial")
+            at = ca.reshape(x[self._on_lines][_places(loop.nodes).reshape(-1).tolist()], -1, len(loop.nodes))
+            found.append(each(at, self._line_stiffness(u)[:, loop.shared.tolist()], ca.DM(loop.own).T))
         return found
 
-    def places(self, block: Elements, axes: int = 3) -> NDArray[np.int64]:
+    def places(self, nodes: NDArray[np.int64], axes: int = 3) -> NDArray[np.int64]:
         """Return the places in q of the displacements of each element, ``n_q`` of those that are held, shape (n, axes m)."""
-        node = self._rank[block.nodes]
+        node = self._rank[nodes]
         row = np.where(node < self.n_q // 3, axes * node, self.n_q // 3 * axes)[:, None, :] + np.arange(axes)[:, None]
         return np.minimum(row, self.n_q // 3 * axes).reshape(len(node), -1)
 
@@ -365,19 +392,19 @@ class MembraneEquations:
         f = sum_at(_places(self._rank[block.nodes]).reshape(-1), ca.vec(f), 3 * len(self._rank))
         return Forces(f, ca.mmax(rate), ca.mmax(strain), ca.sum1(ca.sum2(compressed)))
 
-    def _mapped(self, i: int, x: ca.MX, shared: Shared) -> Forces:
+    def _mapped(self, loop: ElementLoop, x: ca.MX, columns: ca.MX) -> list[ca.MX]:
         """Write the forces as a map of one element's function, whose C is small and in lanes fast without expansion."""
-        loop = self._force_loops[i]
         places = _places(loop.nodes).reshape(-1)
         elements = ca.reshape(x[places.tolist()], -1, len(loop.nodes))
         each = loop.function.map(len(loop.nodes))
-        f, rate, strain, *rest = each(elements, self._columns(shared)[:, loop.shared.tolist()], ca.DM(loop.own).T)
-        f = sum_at(places, ca.vec(f), 3 * len(self._rank))
-        return Forces(f, ca.mmax(rate), ca.mmax(strain), ca.sum2(rest[0]) if rest else ca.MX(0.0))
+        f, *numbers = each(elements, columns[:, loop.shared.tolist()], ca.DM(loop.own).T)
+        reduced = {"largest": ca.mmax, "sum": ca.sum2}
+        numbers = [reduced[kind](row) for kind, row in zip(loop.reductions, numbers, strict=True)]
+        return [sum_at(places, ca.vec(f), 3 * loop.n_nodes), *numbers]
 
-    def _looped(self, i: int, x: ca.MX, shared: Shared) -> Forces:
-        f, rate, strain, *rest = self._force_loops[i].stand_in.call([x, ca.vec(self._columns(shared))])
-        return Forces(f, rate, strain, rest[0] if rest else ca.MX(0.0))
+    def _looped(self, loop: ElementLoop, x: ca.MX, columns: ca.MX) -> list[ca.MX]:
+        found: list[ca.MX] = loop.stand_in.call([x, ca.vec(columns)])
+        return found
 
     def _columns(self, shared: Shared) -> ca.MX:
         """Return what elements share as one matrix, a column for each combination."""
@@ -405,7 +432,7 @@ def _arrays(structure: Structure) -> dict[str, Vector]:
         "free": structure.free.reshape(-1, 3)[moving].ravel().astype(float),
         "mass": structure.mass[order],
         "stiffness": np.repeat(structure.stiffness[moving], 3),
-        "mobility": (structure.free.reshape(-1, 3) / structure.mass[:, None])[moving].ravel(),
+        "mobility": (structure.free.reshape(-1, 3)[moving] / structure.mass[moving, None]).ravel(),
     }
     if structure.setup.inplane_mass > 1.0:
         found["normals"] = structure.normals[moving].ravel()

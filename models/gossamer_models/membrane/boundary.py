@@ -20,7 +20,8 @@ from .surface import SurfaceMesh, sides_of
 def free_displacements(setup: Setup, mesh: SurfaceMesh) -> NDArray[np.bool_]:
     """Return which displacements are not held, shape (3 N,)."""
     rigid = [_held(support, mesh) for support in setup.supports if not support.stiffness]
-    return np.asarray(~np.any([np.zeros(mesh.nodes.size, dtype=bool), *rigid], axis=0))
+    rigid.append(np.repeat(np.isin(np.arange(len(mesh.nodes)), mesh.clamped[:, :2]), 3))
+    return np.asarray(~np.any(rigid, axis=0))
 
 
 def springs(setup: Setup, mesh: SurfaceMesh, mass: Vector) -> Vector:
@@ -45,6 +46,8 @@ def loose(mesh: SurfaceMesh, free: NDArray[np.bool_]) -> Iterator[Mistake]:
     n = len(mesh.nodes)
     first = np.concatenate([np.repeat(block.elements[:, 0], block.elements.shape[1]) for block in mesh.blocks])
     every = np.concatenate([block.elements.ravel() for block in mesh.blocks])
+    for pairs in (*mesh.lines.values(), mesh.clamped[:, :2]):
+        first, every = np.append(first, pairs[:, 0]), np.append(every, pairs[:, 1])
     count, sheet = connected_components(coo_array((np.ones(len(first)), (first, every)), shape=(n, n)), directed=False)
     names = [f"along {axis}" for axis in "xyz"] + [f"about {axis}" for axis in "xyz"]
     held = ~free.reshape(-1, 3)
@@ -52,8 +55,13 @@ def loose(mesh: SurfaceMesh, free: NDArray[np.bool_]) -> Iterator[Mistake]:
         X = mesh.nodes[sheet == k] - mesh.nodes[sheet == k].mean(axis=0)
         motions = [np.broadcast_to(axis, X.shape) for axis in np.eye(3)]
         motions += [np.cross(axis, X) / mesh.size for axis in np.eye(3)]
-        A = np.stack(motions, axis=-1)[held[sheet == k]]
+        rigid = np.stack(motions, axis=-1)
+        sizes, moves = np.linalg.eigh(np.einsum("nij,nik->jk", rigid, rigid))
+        is_motion = sizes > 1e-18 * len(X)  # a straight line has none about itself
+        moves = np.eye(6) if is_motion.all() else moves[:, is_motion]
+        A = rigid[held[sheet == k]] @ moves
         strengths, modes = np.linalg.eigh(A.T @ A)
+        modes = moves @ modes
         if strengths[0] < 1e-18 * len(X):
             which = f" ({count} sheets: the one around {np.round(mesh.nodes[sheet == k].mean(axis=0), 4).tolist()} m)"
             text = (
@@ -109,6 +117,7 @@ def ways(setup: Setup, mesh: SurfaceMesh) -> Vector:
                 )
                 mistakes.append(Mistake(("supports", i), text))
             found[i][both] = 0.0
+        found[i, mesh.clamped[:, 0]] = found[i, mesh.clamped[:, 1]]
     raise_any(mistakes)
     return found.reshape(len(setup.supports), mesh.nodes.size)
 

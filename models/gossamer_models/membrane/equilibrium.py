@@ -30,6 +30,7 @@ BEYOND = 1e4  # of use: the squared stretch from which on forces that grow excus
 PATIENCE, GROWTH, MOST = 5000, 10.0 ** (6.0 / 5000), 1e6  # steps; factor after each further one; as much at most
 # accepted of Newton's method, over modulus * thickness * size of an element * stretch^3; round-off is 1e-16
 PLANE = 1e-11
+BENT = 2.0  # times the stiffness of a straight beam: that of one bent by 50 degrees at a node
 _STEP = 0.9  # of the stable step
 
 
@@ -135,7 +136,7 @@ def in_plane(equations: MembraneEquations, u: Values, p: Values) -> tuple[ca.MX,
     x = equations.positions(q, by_symbol, by_symbol)
     f = equations.forces(x, shared, by_symbol, by_symbol).f[:n]
     q_next = q + 0.0
-    q_next[plane] += ca.solve(tangent(equations, x, shared, by_symbol, axes=2), f[plane], "ldl")
+    q_next[plane] += ca.solve(tangent(equations, x, shared, by_symbol, by_symbol, axes=2), f[plane], "ldl")
     newton = ca.Function("newton", [q, *(symbol for symbol, _ in given)], [q_next])
 
     q = ca.MX.zeros(n)
@@ -149,12 +150,13 @@ def in_plane(equations: MembraneEquations, u: Values, p: Values) -> tuple[ca.MX,
     return ca.if_else(left <= 1.0, q, float("nan")), left
 
 
-def tangent(equations: MembraneEquations, x: ca.MX, shared: Shared, p: Values, axes: int = 3) -> ca.MX:
+def tangent(equations: MembraneEquations, x: ca.MX, shared: Shared, u: Values, p: Values, axes: int = 3) -> ca.MX:
     """Write ``-df/dx`` [N/m] of the moving nodes along the first axes, sparse, shape (axes M, axes M)."""
-    blocks, size = equations.tangents(x, shared, p, axes), equations.n_q // 3 * axes
-    places = [equations.places(kind, axes) for kind in equations.structure.elements]
+    blocks, size = equations.tangents(x, shared, u, p, axes), equations.n_q // 3 * axes
+    structure = equations.structure
+    places = [equations.places(kind.nodes, axes) for part in (structure.elements, structure.lines) for kind in part]
     K = -sum(_assembled(each, rows, size) for each, rows in zip(blocks, places, strict=True))
-    return K + ca.diag(equations.spring_stiffness(p)) if equations.structure.setup.springs else K
+    return K + ca.diag(equations.spring_stiffness(p)) if structure.setup.springs else K
 
 
 def _assembled(blocks: ca.MX, rows: NDArray[np.int64], size: int) -> ca.MX:
@@ -166,7 +168,7 @@ def _assembled(blocks: ca.MX, rows: NDArray[np.int64], size: int) -> ca.MX:
     key, place = np.unique(np.where(held, size**2, column * size + row), return_inverse=True)
     known = key[key < size**2]
     pattern = ca.Sparsity.triplet(size, size, (known % size).tolist(), (known // size).tolist())
-    return ca.MX(pattern, sum_at(place, ca.vec(blocks), len(known) + 1)[: len(known)])
+    return ca.MX(pattern, sum_at(place, ca.vec(blocks), len(known) + 1)[: len(known), :])
 
 
 def with_dead_loads(equations: MembraneEquations, f: ca.MX, u: Values, p: Values) -> ca.MX:
@@ -215,6 +217,8 @@ def balance(equations: MembraneEquations, q: ca.MX, u: Values, p: Values) -> tup
     if springs := equations.structure.setup.springs:
         drawn = ca.DM([equations.structure.setup.supports[i].stiffness for i in springs])
         stiffer = ca.fmax(stiffer, ca.mmax(p.support_stiffness / drawn))
+    if equations.structure.lines:
+        stiffer = BENT * ca.fmax(stiffer, 1.0)
     parts = [ca.fabs(shared[name]) for name in ("along", "across", "shear") if name in shared]
     strained = ca.mmax(sum(parts)) if parts else 0.0
     x = equations.positions(q, u, p)

@@ -108,6 +108,8 @@ def moved_gauge(mesh: SurfaceMesh, normals: Vector, sensor: Sensor, move: Place 
     Its reading is linear in the move: that at its point, and differences of gauges on both sides. These are an element apart
     where the strain is all but constant within elements, of order 1.
     """
+    if sensor.line:
+        return _on_line(mesh, sensor)
     own = _placed(mesh, sensor)
     lines, weights, reach = [own.lines], [own.weights], _reach(mesh)
     for way, by in enumerate(move):
@@ -124,11 +126,28 @@ def moved_gauge(mesh: SurfaceMesh, normals: Vector, sensor: Sensor, move: Place 
 
 def beside(mesh: SurfaceMesh, normals: Vector, sensor: Sensor, by: float, way: int) -> Sensor:
     """Return a sensor beside its place [m], along its direction or, for a way of 1, across it."""
+    if sensor.line and way == 1:  # there is nothing across
+        return sensor
     node = int(np.argmin(np.linalg.norm(mesh.nodes - np.array(sensor.point), axis=1)))
     along = np.array(sensor.direction) / np.linalg.norm(sensor.direction)
     step = along if way == 0 else np.cross(normals[node], along)
     x, y, z = (np.array(sensor.point) + by * step / np.linalg.norm(step)).tolist()
     return replace(sensor, point=(x, y, z))
+
+
+def _on_line(mesh: SurfaceMesh, sensor: Sensor) -> Gauge:
+    """Place a gauge on a cable or beam: the segment nearest to its point, and all whose middle lies within its length."""
+    pairs, point = mesh.lines[sensor.line], np.array(sensor.point)
+    X = mesh.nodes[pairs]
+    e = X[:, 1] - X[:, 0]
+    length = np.linalg.norm(e, axis=1)
+    share = np.clip(np.sum((point - X[:, 0]) * e, axis=1) / length**2, 0.0, 1.0)
+    away = np.linalg.norm(X[:, 0] + share[:, None] * e - point, axis=1)
+    chosen = np.linalg.norm(X.mean(axis=1) - point, axis=1) <= sensor.gauge_length / 2.0
+    chosen[np.argmin(away)] = True
+    rows = np.zeros((int(chosen.sum()), len(mesh.nodes)))
+    np.put_along_axis(rows, pairs[chosen], np.array([-1.0, 1.0]) / length[chosen, None], axis=1)
+    return Gauge(scipy.sparse.csr_array(rows), length[chosen] / length[chosen].sum(), float(away.min()))
 
 
 def _placed(mesh: SurfaceMesh, sensor: Sensor) -> Gauge:

@@ -95,6 +95,8 @@ def _at_corners(structure: Structure, *, frame: bool) -> Vector | None:
     (corners,), (block,) = bilinear.mesh.blocks, structure.mesh.blocks
     along = value_matrix(lobatto_points(2)[0], lobatto_points(block.order + 1)[0])
     at_nodes[block.elements] = np.kron(along, along) @ at_corners[corners.elements]
+    first, last = (1 + int(each.elements.max()) for each in (block, corners))  # nodes of cables and beams alone
+    at_nodes[first:] = at_corners[last:]
     return np.asarray(at_nodes[structure.moving].ravel())
 
 
@@ -321,7 +323,8 @@ def _description(structure: Structure) -> str:
     }
     text = " and ".join(f"{len(block.elements)} {kinds[block.order]}" for block in mesh.blocks)
     law = "" if structure.setup.law == "st_venant_kirchhoff" else f", law {structure.setup.law}"
-    return f"{structure.setup.title or 'Membrane'}: {mesh.name}, {text}{law}"
+    lines = f", {len(mesh.lines)} beams and cables" if mesh.lines else ""
+    return f"{structure.setup.title or 'Membrane'}: {mesh.name}, {text}{lines}{law}"
 
 
 def first_period(structure: Structure, given: Mapping[str, ArrayLike] | None = None) -> float:

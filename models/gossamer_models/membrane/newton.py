@@ -20,9 +20,11 @@ from .assembly import MembraneEquations
 from .equilibrium import balance, tangent
 
 SOFTEST = 1e-9  # added to the tangent, over the stiffness of a node: what a slack film lacks
+SOFTEST_BEAM = 1e-13  # the same where there are beams, which bend as easily
 MOST_STEPS = 60
 CONTRACTION = 0.5  # of the forces in a step with kept factors; if they fall less, the tangent is factored anew
 STALLED = 1e3  # over the forces that rounding leaves: accepted where they fall no further
+FULL_STEPS, RELEASED, LEAST_SHARE = 20, 1e-6, 1e-3  # at a time; share of the forces that may be left; of them at once
 _SHARES = (1.0, 0.5, 0.2, 0.05, 0.01)  # of a Newton step, until the forces fall
 _SHIFT, _FALL = 1e-3, 0.1  # mu at first, and its factor after a step
 _REFUSED = 15  # steps at most in which the energy rises: a film that is slack all over is left to relaxation
@@ -61,7 +63,8 @@ class Newton:
         self.balance = ca.Function("balance", arguments, [f, accepted])
         x = equations.positions(q, by_name_u, by_name_p)
         shared = equations.shared(by_name_u, by_name_p, ca.MX(0.0), equations.gas_of_start(by_name_u))
-        K = tangent(equations, x, shared, by_name_p)[self.free.tolist(), self.free.tolist()]
+        K = tangent(equations, x, shared, by_name_u, by_name_p)[self.free.tolist(), self.free.tolist()]
+        self._has_beams = bool(structure.setup.beams)
         self._tangent = ca.Function("tangent", arguments, [K])
 
     def tangent(self, u: Vector, p: Vector, q: Vector) -> scipy.sparse.csc_matrix:
@@ -70,7 +73,7 @@ class Newton:
 
     def stiffened(self, u: Vector, p: Vector, q: Vector) -> scipy.sparse.csc_matrix:
         """Return the tangent that can be factored where the film is slack."""
-        return self._shifted(self.tangent(u, p, q), SOFTEST)
+        return self._shifted(self.tangent(u, p, q), SOFTEST_BEAM if self._has_beams else SOFTEST)
 
     def _shifted(self, K: scipy.sparse.csc_matrix, mu: float) -> scipy.sparse.csc_matrix:
         return scipy.sparse.csc_matrix(K + scipy.sparse.diags(mu * self._stiffness[self.free], format="csc"))
@@ -81,6 +84,35 @@ class Newton:
         all_forces = column(f)
         left = float(np.max(np.abs(all_forces / self._stiffness))) / float(accepted)
         return np.asarray(all_forces[self.free]), left if np.isfinite(left) else np.inf
+
+    def _released(self, u: Vector, p: Vector, q: Vector) -> Vector | None:
+        r"""Return the equilibrium that full steps reach as the forces that are left at ``q`` are released bit by bit.
+
+        Notes
+        -----
+        Solves :math:`f(q_t) = (1 - t)\,f(q)` for rising t. On the way a beam, which bends far more easily than it stretches,
+        is stretched by each step and relieved by the next, so that forces do not fall in every step.
+        """
+        first, _ = self.left(u, p, q)
+        done, share = 0.0, 1.0
+        while done < 1.0 and share > LEAST_SHARE:
+            goal, to, last = min(1.0, done + share), q.copy(), np.inf
+            for _ in range(FULL_STEPS):
+                f, left = self.left(u, p, to)
+                rest = f - (1.0 - goal) * first
+                if left == np.inf or np.linalg.norm(rest) <= (RELEASED * np.linalg.norm(first) if goal < 1.0 else 0.0):
+                    break
+                if goal == 1.0 and (left <= 1.0 or last <= left <= STALLED):
+                    return to
+                last = left
+                to[self.free] += splu(self.stiffened(u, p, to)).solve(rest)
+            else:
+                left = np.inf
+            if left < np.inf:
+                q, done, share = to, goal, 2.0 * share
+            else:
+                share /= 4.0
+        return None
 
     def start(self, begin: Vector | None = None) -> Vector | None:
         r"""Return the equilibrium of the start values, None if none is reached.
@@ -100,7 +132,10 @@ class Newton:
         if not len(self.free):  # all nodes are held
             return None
         q, mu, refused = np.zeros(len(self._stiffness)) if begin is None else begin, _SHIFT, 0
-        (f, left), K = self.left(u, p, q), self.stiffened(u, p, q)
+        f, left = self.left(u, p, q)
+        if left == np.inf:
+            return None
+        K = self.stiffened(u, p, q)
         for _ in range(MOST_STEPS):
             step = splu(self._shifted(K, mu)).solve(f)
             to = q.copy()
@@ -114,10 +149,15 @@ class Newton:
             mu, refused = mu / _FALL, refused + 1
             if refused > _REFUSED:
                 break
-        return None
+        return self._released(u, p, np.zeros(len(q)) if begin is None else begin) if self._has_beams else None
 
     def reach(self, u: Vector, p: Vector, known: Known) -> Vector | None:
         """Return the equilibrium that is reached from one that is known, None if none is."""
+        found = self._fallen(u, p, known)
+        return self._released(u, p, known.q) if found is None and self._has_beams else found
+
+    def _fallen(self, u: Vector, p: Vector, known: Known) -> Vector | None:
+        """Return the equilibrium that steps reach in each of which the forces fall."""
         q, solve, is_kept = known.q.copy(), known.factors(self.stiffened), True
         f, left = self.left(u, p, q)
         for _ in range(MOST_STEPS):

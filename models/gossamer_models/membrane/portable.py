@@ -55,9 +55,9 @@ def read_structure(text: str) -> Structure:
         setup, mesh = card["setup"], card["mesh"]
         groups = {kind: {name: np.array(rows, dtype=np.int64) for name, rows in mesh[kind].items()} for kind in _GROUPS}
         blocks = tuple(Block(b["order"], np.array(b["elements"]), np.array(b["faces"])) for b in mesh["blocks"])
-        return make_structure(
-            made_from(Setup, setup), SurfaceMesh(name=mesh["name"], nodes=np.array(mesh["nodes"]), blocks=blocks, **groups)
-        )
+        faces, points, sides = (groups[kind] for kind in _GROUPS)
+        surface = SurfaceMesh(mesh["name"], np.array(mesh["nodes"]), blocks, faces, points, sides)
+        return make_structure(made_from(Setup, setup), surface)
     except (KeyError, TypeError, ValueError) as error:
         msg = f"this is no structure of a membrane: {reason(error)}. Make it again."
         raise DataError(msg) from error

@@ -16,6 +16,7 @@ import numpy as np
 from ..arrays import Matrix, Vector
 from ..mistakes import Mistake, no_direction, not_finite, outside, raise_any
 from .law import LAWS
+from .lines import Beam, Cable, Line, PointMass
 from .zones import ZERO, Triple, Zone
 
 Place: TypeAlias = tuple[float, float]
@@ -249,11 +250,14 @@ class Sensor:
         Projected on the surface, what it measures along.
     gauge_length : float
         It reads the mean strain over this length [m]; 0 at the point.
+    line : str
+        Name of the cable or beam that it is on, whose length it measures.
     """
 
     point: Triple
     direction: Triple
     gauge_length: float = 0.0
+    line: str = ""
 
     def __post_init__(self) -> None:
         mistakes = [*outside(self, gauge_length=(0.0, 1e3)), *not_finite(self, "point")]
@@ -446,7 +450,7 @@ class Setup:
         Whether the displacement of every node is a variable.
     directional : bool
         Whether the share of the stiffness that each zone keeps along ``direction`` of its region, and across, is an input.
-    regions, zones, supports, edges, loads, sensors, surfaces : tuple
+    regions, zones, supports, edges, cables, beams, masses, loads, sensors, surfaces : tuple
         See there; without ``loads`` there is one follower pressure on all faces, ``pressure``.
     gas : Gas or None
         See there.
@@ -485,6 +489,9 @@ class Setup:
     directional: bool = False
     zones: tuple[Zone, ...] = ()
     edges: tuple[Edge, ...] = ()
+    cables: tuple[Cable, ...] = ()
+    beams: tuple[Beam, ...] = ()
+    masses: tuple[PointMass, ...] = ()
     loads: tuple[Load, ...] = (Load(name="pressure"),)
     sensors: tuple[Sensor, ...] = ()
     surfaces: tuple[Paraboloid, ...] = ()
@@ -504,9 +511,15 @@ class Setup:
         return tuple(i for i, support in enumerate(self.supports) if support.stiffness)
 
     @property
+    def lines(self) -> tuple[Line, ...]:
+        """Beams, then cables."""
+        return (*self.beams, *self.cables)
+
+    @property
     def scalable(self) -> tuple[str, ...]:
         """Those of ``SCALABLE`` that this setup has something of."""
         there = {"prestress": any(any(r.prestress) for r in self.regions), "tension": any(e.tension for e in self.edges)}
+        there["thickness"] = not self.lines and not self.masses  # whose mass it does not change
         return tuple(name for name in SCALABLE if there.get(name, True))
 
     def _mistakes(self) -> Iterator[Mistake]:
@@ -527,6 +540,15 @@ class Setup:
         if self.directional and not self.zones:
             text = "shares of the stiffness are those of zones, and there are none. Write [[zones]], or leave it out."
             yield Mistake(("directional",), text)
+        if self.lines and self.inplane_mass > 1.0:
+            text = "cables and beams move with their true mass in all directions. Leave out 'inplane_mass'."
+            yield Mistake(("inplane_mass",), text)
+        if self.directional and any(line.zone for line in self.lines):
+            yield Mistake(("directional",), "cables and beams that are zones have one direction. Leave out 'zone' or this.")
+        known = tuple(line.name for line in self.lines)
+        for i, sensor in enumerate(self.sensors):
+            if sensor.line and sensor.line not in known:
+                yield Mistake(("sensors", i, "line"), f"there is no cable or beam {sensor.line!r}.", sensor.line, known)
         rest = [i for i, r in enumerate(self.regions) if not r.group]
         if len(rest) > 1:
             yield Mistake(("regions", rest[1], "group"), "two regions have no 'group', and only one can take the rest.")

@@ -6,6 +6,7 @@ combination share modulus, pressure and eigenstrain, so these are computed once 
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -23,11 +24,13 @@ from .element import Element
 from .gauges import Gauge, moved_gauge, nearest_place, place_matrix
 from .geometry import Geometry, geometry, stiffest, values
 from .interface import mesh_variables
+from .lines import LineParts, halved, line_masses, line_parts, with_lines
 from .paraboloid import BestFit, best_fits
 from .setup import MAX_ORDER, MOST_REFINED, Setup
 from .surface import Integers, SurfaceMesh, refined, sides_of
 from .zones import Zone, divide
 
+_DRAWN_BENT = 1e-3  # half the angle between segments [rad] that is remarked on
 _FLAT = 1e-9  # share of its mean, or of the size cubed, below which an element has no area, a surface no volume
 _EDGE = 0.2  # squared sine of a tilt [1] from which on the surface has an edge
 _CHORDS = 0.01  # of which more is remarked on
@@ -97,6 +100,12 @@ class Structure:
         By sensor.
     surfaces : tuple of BestFit
         By surface of the setup.
+    lines : tuple of LineParts
+        Segments of beams and cables, and bends.
+    adds_lines : bool
+        Whether the bound of their squared frequency is added to that of the elements, whose mass they share then.
+    line_zone : ndarray of int
+        Zone of each beam and cable; -1 where damage does not act.
     variables : callable
         ``variables(setup, zone_names, N) -> table`` of the model without a frame that flies. Numbers of the
         setup that stand among its parameters are chosen when the membrane starts to run: ``side_length`` (the largest
@@ -128,6 +137,9 @@ class Structure:
     unit_forces: dict[str, Vector]
     gauges: tuple[Gauge, ...]
     surfaces: tuple[BestFit, ...]
+    lines: tuple[LineParts, ...] = ()
+    adds_lines: bool = False
+    line_zone: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     variables: Callable[[Setup, tuple[str, ...], int], tuple[Variable, ...]] = mesh_variables
     probes: Mapping[str, Vector] = field(default_factory=dict)
     origin: Vector = field(default_factory=lambda: np.zeros(3))
@@ -189,6 +201,12 @@ class Structure:
                 f"Its elements are flatter than the surface: about {100.0 * self.chord_error:.1f} % of a volume is lost. "
                 "Mesh more finely, or with quadrilaterals of 9 nodes and order = 2 or more."
             )
+        for part in self.lines:
+            t = np.diff(self.mesh.nodes[part.nodes], axis=1)
+            t /= np.linalg.norm(t, axis=2, keepdims=True)
+            if t.shape[1] == 2 and (sine := float(np.linalg.norm(t[:, 1] - t[:, 0], axis=1).max() / 2.0)) > _DRAWN_BENT:
+                text = f"A beam is drawn bent, by {2.0 * math.degrees(math.asin(sine)):.2g} degrees at a node."
+                found.append(f"{text} It is straight where nothing bends it, so it begins with a moment.")
         outside = self.zone_of_elements < 0
         if self.n_zones and np.any(outside):
             share = 100.0 * self.areas[outside].sum() / self.areas.sum()
@@ -199,6 +217,11 @@ class Structure:
     def n_zones(self) -> int:
         """Number of damage zones."""
         return len(self.zone_names)
+
+    @property
+    def n_face_zones(self) -> int:
+        """Number of damage zones of faces; those of beams and cables follow."""
+        return self.n_zones - int(np.sum(self.line_zone >= 0))
 
     @property
     def n_sensors(self) -> int:
@@ -214,14 +237,16 @@ class Structure:
     def zone_groups(self) -> dict[str, Integers]:
         """Faces of each zone by ``zone 0``, ``zone 1``, ..., as groups of a mesh."""
         zone = self.zone_of_elements
-        return {f"zone {k}": np.flatnonzero(zone == k) for k in range(self.n_zones)}
+        return {f"zone {k}": np.flatnonzero(zone == k) for k in range(self.n_face_zones)}
 
     @cached_property
     def zone_places(self) -> Vector:
         """Middles of the zones on the reference shape [m], shape (zones, 3)."""
         middles = np.concatenate([self.mesh.nodes[block.nodes].mean(axis=1) for block in self.elements])
         zone = self.zone_of_elements
-        return np.array([np.average(middles[zone == k], axis=0, weights=self.areas[zone == k]) for k in range(self.n_zones)])
+        found = [np.average(middles[zone == k], axis=0, weights=self.areas[zone == k]) for k in range(self.n_face_zones)]
+        lines = [line.name for line in self.setup.lines if line.zone]
+        return np.array([*found, *(self.mesh.nodes[self.mesh.lines[name]].mean(axis=(0, 1)) for name in lines)])
 
     def finer(self) -> Structure:
         """Return the membrane with spectral elements two orders higher, or those of the lowest and highest orders in four.
@@ -232,10 +257,12 @@ class Structure:
         zones, mesh, raised = self.setup.zones, self.mesh, 1 < self.setup.order <= MAX_ORDER - 2
         if any(zone.parts for zone in zones):
             groups = self.zone_groups
-            zones = tuple(Zone(group=group, name=name) for group, name in zip(groups, self.zone_names, strict=True))
+            zones = tuple(Zone(group=group, name=name) for group, name in zip(groups, self.zone_names, strict=False))
             mesh = replace(mesh, faces=mesh.faces | groups)
         order = self.setup.order + 2 * raised
         setup = replace(self.setup, order=order, zones=zones, refine=0)
+        if not raised:
+            setup = replace(setup, beams=tuple(map(halved, setup.beams)), cables=tuple(map(halved, setup.cables)))
         found = make_structure(setup, refined(mesh, order, quarters=not raised))
         forces = dict(found.unit_forces)
         for load in setup.loads:
@@ -279,6 +306,7 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
     """
     for _ in range(setup.refine):
         mesh = refined(mesh, setup.order)
+    mesh = with_lines({"beams": setup.beams, "cables": setup.cables}, mesh)
     raise_any([*_lacking(setup, mesh), *_hit(setup, mesh)])
     region = _regions(setup, mesh)
     if np.any(region < 0):
@@ -289,6 +317,9 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
         raise DescriptionError(Mistake(("regions",), text))
     measured = [_measured(setup, mesh, k, region) for k in range(len(mesh.blocks))]
     zone_names, zone = divide(setup.zones, mesh, np.concatenate([found.areas for found in measured]))
+    zoned = [line.zone for line in setup.lines]
+    line_zone = np.where(zoned, len(zone_names) + np.cumsum(zoned) - 1, -1).astype(np.int64)
+    zone_names += tuple(line.name for line in setup.lines if line.zone)
     acting = [members_of(mesh, load.groups) & (load.kind in ("pressure", "light")) for load in setup.loads]
     encloses = members_of(mesh, setup.gas.groups) if setup.gas else np.zeros(mesh.n_faces, dtype=bool)
     rows = np.column_stack([region, zone, *acting, encloses])
@@ -303,10 +334,25 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
         np.add.at(stiffness, block.elements, found.node_areas * (high * D[region[block.faces]])[:, None])
         np.add.at(normals, block.elements, found.node_normals)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    added = line_masses(setup.lines, mesh)
+    for each in setup.masses:
+        added[mesh.points[each.group]] += each.mass / len(mesh.points[each.group])
+    mass += added
     free, sprung = free_displacements(setup, mesh), springs(setup, mesh, mass)
     raise_any([*loose(mesh, free & ~sprung.any(axis=0)), *leaking(setup, mesh, free, encloses)])
     drawn = np.array([setup.supports[i].stiffness for i in setup.springs])
     stiffness += (drawn @ sprung).reshape(-1, 3).max(axis=1)
+    lines: tuple[LineParts, ...] = ()
+    adds_lines = False
+    if setup.lines:  # both bounds hold, the lower one is taken
+        moves = np.asarray(free.reshape(-1, 3).any(axis=1))
+        lines, shared = (line_parts(setup.lines, mesh, each, moves) for each in (added, mass))
+        film = max(float(np.max(high * (D / areal)[region[b.faces]])) for b, high in zip(mesh.blocks, highest, strict=True))
+        own, whole = (sum(float(part.limit.max()) for part in parts) for parts in (lines, shared))
+        adds_lines = film + whole < max(film, own)
+        lines = shared if adds_lines else lines
+        for part in lines:
+            stiffness += part.stiffness
     return Structure(
         setup=setup,
         mesh=mesh,
@@ -331,6 +377,9 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
         },
         gauges=tuple(_gauges(setup, mesh, normals)),
         surfaces=best_fits(setup, mesh, measured),
+        lines=lines,
+        adds_lines=adds_lines,
+        line_zone=line_zone,
     )
 
 
@@ -341,6 +390,7 @@ def _lacking(setup: Setup, mesh: SurfaceMesh) -> Iterator[Mistake]:
     wanted = [(("regions", i, "group"), r.group, faces, "faces") for i, r in enumerate(setup.regions) if r.group]
     wanted += [(("zones", i, "group"), z.group, faces, "faces") for i, z in enumerate(setup.zones) if z.group]
     wanted += [(("supports", i, "group"), s.group, points, "nodes") for i, s in enumerate(setup.supports)]
+    wanted += [(("masses", i, "group"), m.group, points, "nodes") for i, m in enumerate(setup.masses)]
     wanted += [(("edges", i, "group"), e.group, sides, "edges") for i, e in enumerate(setup.edges)]
     for i, load in enumerate(setup.loads):
         known, what = (points, "nodes") if load.kind == "force" else (faces, "faces")

@@ -7,7 +7,7 @@ common side, found by the numbers of its corners and not by distance, so that tw
 
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 
@@ -66,6 +66,10 @@ class SurfaceMesh:
         Nodes of every group by its name: of its points, edges or faces.
     sides : dict
         Sides of a group of edges by its name: nodes along each, shape (sides, order + 1).
+    lines : dict
+        Segments of a cable or beam by its name, shape (n, 2); their nodes that no face has are the last.
+    clamped : ndarray of int, shape (k, 3)
+        Of ends that keep their direction: a node behind each, the end, and the next one.
     """
 
     name: str
@@ -74,6 +78,8 @@ class SurfaceMesh:
     faces: dict[str, Integers]
     points: dict[str, Integers]
     sides: dict[str, Integers]
+    lines: dict[str, Integers] = field(default_factory=dict)
+    clamped: Integers = field(default_factory=lambda: np.zeros((0, 3), dtype=np.int64))
 
     @property
     def n_faces(self) -> int:

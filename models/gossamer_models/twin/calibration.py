@@ -48,7 +48,7 @@ class Calibration:
     untold : tuple of str
         Combinations of numbers that the records do not decide, and records whose mesh was not refined, a sentence each.
     drawing : str
-        Digest of the drawing: material, supports, edges and gas.
+        Digest of the drawing: material, supports, edges, gas, cables, beams and masses.
     """
 
     names: tuple[str, ...]
@@ -190,7 +190,8 @@ def _check_drawing(known: KnownNumbers, structure: Structure) -> None:
 def drawing_of(structure: Structure) -> str:
     """Return a digest of what a structure is drawn of, whatever its mesh and its sensors are."""
     setup = structure.setup
-    drawn = (setup.regions, setup.supports, setup.edges, setup.gas, *([setup.built] if setup.built else []))
+    more = [each for each in (setup.built, setup.cables, setup.beams, setup.masses) if each]
+    drawn = (setup.regions, setup.supports, setup.edges, setup.gas, *more)
     return hashlib.sha256(repr(drawn).encode()).hexdigest()[:16]
 
 

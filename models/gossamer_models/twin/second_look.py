@@ -123,7 +123,7 @@ class Parted:
             return (*own, *more)
 
         found = make_structure(replace(setup, sensors=()), replace(mesh, faces=mesh.faces | groups))
-        gauges = tuple(moved_gauge(mesh, found.normals, sensor) for sensor in setup.sensors)
+        gauges = tuple(moved_gauge(found.mesh, found.normals, sensor) for sensor in setup.sensors)
         found = replace(found, setup=setup, gauges=gauges, variables=table)
         if structure.starts_in_plane:
             found = stretched_evenly(found, structure.origin)

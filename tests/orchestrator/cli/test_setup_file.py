@@ -13,11 +13,14 @@ from command_line import invoke
 from gossamer.descriptions import load_structure
 from gossamer_models import Stepper
 from gossamer_models.membrane import (
+    Beam,
+    Cable,
     Edge,
     Fault,
     Gas,
     Load,
     Paraboloid,
+    PointMass,
     Region,
     Sensor,
     Setup,
@@ -103,6 +106,34 @@ def test_a_mistake_is_named_with_its_line(folder, name):
         load(folder, RIGHT.replace(old, new, 1))
 
 
+RIGGED = """
+[[cables]]
+name = "rope"
+path = [[0.5, 0.5, 0.0], [0.5, 0.5, 1.0]]
+youngs_modulus = 1e9
+area = 1e-6
+density = 1500.0
+tension = 5.0
+
+[[masses]]
+group = "rope_end"
+mass = 0.1
+"""
+
+
+def test_a_cable_and_a_mass_are_read_and_their_mistakes_are_named_with_their_lines(folder):
+    held = RIGHT.replace('group = "rim"', 'group = "rim"\n\n[[supports]]\ngroup = "rope_end"')
+    structure = load(folder, held + RIGGED)
+    assert structure.mass.sum() == pytest.approx(1.1 + 0.1 + 1500.0 * 1e-6 / (1.0 + 5.0 / 1e3))
+    for old, new, text in (
+        ("tension = 5.0", "tension = -5.0", r"s.toml:28: 'tension' is -5 N, and a cable carries tension alone"),
+        ("[0.5, 0.5, 0.0]", '"tip"', r"s.toml:24: .*no group 'tip' of nodes"),
+        ('"rope_end"\nmass', '"rope_ent"\nmass', r"s.toml:31: .*no group 'rope_ent' of nodes. Did you mean 'rope_end'"),
+    ):
+        with pytest.raises(ScenarioError, match=text):
+            load(folder, held + RIGGED.replace(old, new))
+
+
 def test_numbers_in_a_wrong_unit_are_warned_of_with_their_line(folder, caplog):
     load(folder, RIGHT)
     assert caplog.messages == []
@@ -164,7 +195,7 @@ def test_every_key_is_documented_with_its_default():
     rows = re.findall(r"^\| (`[a-z_`, ]+`) \| (.*?) \|", page, re.MULTILINE)
     known = {key: default for keys, default in rows for key in re.findall(r"`([a-z_]+)`", keys)}
     tables = {"regions": Region, "zones": Zone, "supports": Support, "edges": Edge, "loads": Load, "sensors": Sensor}
-    tables |= {"faults": Fault, "surfaces": Paraboloid}
+    tables |= {"faults": Fault, "surfaces": Paraboloid, "cables": Cable, "beams": Beam, "masses": PointMass}
     single = {"gas": Gas, "calibration": KnownNumbers, "built": Built}
     for name, table in {**tables, **single}.items():
         assert f"`[[{name}]]`" in page or f"`[{name}]`" in page
