@@ -82,10 +82,11 @@ def _refuse_inexpressible(plan: Plan) -> None:
     advice = "or give its value as an input from the start"
     problems = inexpressible(plan.scenario, "SSP", {"noise": None, "dropout": None}, advice)
     for c in plan.connections:
-        kind = plan.component(c.sender).fmu.variables[c.output].type
-        if kind != "Real":
-            text = f"{c.origin!r} is of type {kind}, but other tools connect only Reals of an SSP. Remove the connection."
-            problems.add(("connections",), text)
+        for end, name, variable in ((c.origin, c.sender, c.output), (c.target, c.receiver, c.input)):
+            kind = plan.component(name).fmu.variables[variable].type
+            if kind != "Real":
+                text = f"{end!r} is of type {kind}, but other tools connect only Reals of an SSP. Remove the connection."
+                problems.add(("connections",), text)
     for component in plan.components:
         for name, value in component.start.items():
             variable = component.fmu.variables[name]
@@ -103,6 +104,8 @@ def _refuse_inexpressible(plan: Plan) -> None:
             "'gossamer run' reads that; other tools may not. FMUs of FMI 2.0 work in all of them",
             ", ".join(names),
         )
+    if clocks := [f"{c.name}.{clock}" for c in plan.components for clock in c.fmu.clocks]:
+        logger.warning("SSP keeps the clocks inside their FMUs, and not every tool ticks them: %s", first_few(clocks))
 
 
 def _sources(files: Iterable[FmuFile]) -> dict[FmuFile, str]:

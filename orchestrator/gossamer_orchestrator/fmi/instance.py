@@ -165,6 +165,13 @@ class Instance:
 
     def leave_event_mode(self) -> bool:
         """Let the FMU handle its events and return to the mode before; True if it ends the simulation."""
+        if self._update():
+            return True
+        self._call("could not leave its event mode", self._LEAVE)
+        return False
+
+    def _update(self) -> bool:
+        """Let the FMU handle its events; True if it ends the simulation."""
         for _ in range(MAX_UPDATES):
             again, over, _, _, defined, event = self._call("could not handle its events", self._UPDATE)
             if over:
@@ -174,7 +181,6 @@ class Instance:
         else:
             self._fail(f"still has events after {MAX_UPDATES} updates at t = {self.time:.9g} s")
         self._next_event = float(event) if defined else math.inf
-        self._call("could not leave its event mode", self._LEAVE)
         return False
 
     def _leave_events(self) -> bool:
