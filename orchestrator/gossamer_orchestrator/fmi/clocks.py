@@ -151,10 +151,8 @@ class Clocked(Instance3):
         end = time.value + size.value
         if self._next_tick < end and not self._is_at(self._next_tick, end) and not self._divides:
             first = min((clock for clock in self._clocks if clock.due is not None), key=lambda clock: clock.due or 0)
-            what = (
-                f"cannot vary its step, and its clock {first.name!r} ticks at t = {self._next_tick:.9g} s, within the step"
-            )
-            self._fail(f"{what} to {end:.9g} s", " Use a 'step' that ends at the ticks.")
+            what = f"cannot vary its step, and its clock {first.name!r} ticks at t = {self._next_tick:.9g} s, inside the"
+            self._fail(f"{what} step to {end:.9g} s", " Use a 'step' that ends at the ticks.")
         done = super().step(time, size)
         if done and self.ended_at is None and self._due():  # a tick that is later than the step's end by rounding
             self.enter_event_mode()
