@@ -114,20 +114,17 @@ class Instance:
 
     def differing(self, values: Mapping[str, Value]) -> dict[str, Value]:
         """Return what the FMU has in place of values that were set, by name, as far as they can be read and differ."""
-        names: dict[str, list[str]] = {}
-        for name in self.fmu.whole(values):
-            names.setdefault(self.fmu.variables[name].type, []).append(name)
         found: dict[str, Value] = {}
-        for kind, each in names.items():
-            port = self.port(each, kind)
+        for name in dict.fromkeys(self.fmu.array_of(v) or v for v in self.fmu.whole(values)):
+            names = self.fmu.arrays.get(name, [name])
+            port = self.port(names, self.fmu.variables[names[0]].type)
             status = port.get_them(*port.arguments)
-            if status > WARNING:
-                if status == FATAL:
-                    self._check(status, "did not return its start values")
+            if status == DISCARD:
                 continue
-            present = dict(zip(each, port.get(), strict=True))
-            stated = dict(zip(each, port.put([values.get(name, present[name]) for name in each]).get(), strict=True))
-            found |= {name: value for name, value in present.items() if not _same(value, stated[name])}
+            self._check(status, f"did not return {name!r}, which the scenario states")
+            present = dict(zip(names, port.get(), strict=True))
+            stated = dict(zip(names, port.put([values.get(v, present[v]) for v in names]).get(), strict=True))
+            found |= {v: value for v, value in present.items() if not _same(value, stated[v])}
         return found
 
     def enter_initialization(self, stop: float) -> None:

@@ -35,6 +35,9 @@ logger = logging.getLogger(__name__)
 NETCDF, CSV = "results.nc", "results.csv"
 MESSAGES = "messages.txt"  # warnings of the run, a line each
 UNFINISHED_NETCDF, RESUME, UNFINISHED_WATCH = "unfinished.nc", "unfinished.npz", "unfinished_watch.json"
+WATCH = "watch.json"
+TWIN = "twin.json"  # beside results too: what ``gossamer twin`` found; its page is in the folder ``twin``
+OF_RUN = (NETCDF, CSV, MESSAGES, WATCH, RESUME, UNFINISHED_NETCDF, UNFINISHED_WATCH)  # what a run writes but shapes
 RECORDED = (NETCDF, UNFINISHED_NETCDF, CSV)  # files that hold results
 CSV_VALUES = 10_000_000  # above, a CSV file is written on demand only
 MAKE_SOME = "Make them with 'gossamer run'."
@@ -212,9 +215,7 @@ def _load_csv(path: Path) -> xr.Dataset:
     return arrange(table[:, 0], table[:, 1:], columns)
 
 
-WATCH = "watch.json"
 LARGE = 2.0  # chi2 per sample of a window that the twin does not explain
-TWIN = "twin.json"  # beside results too: what ``gossamer twin`` found; its page is in the folder ``twin``
 
 
 def read_watch(folder: Path) -> dict[str, Any] | None:

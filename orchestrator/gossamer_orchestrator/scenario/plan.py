@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
+from gossamer_files import MIXED
 from gossamer_files.options import option
 
 from ..errors import FmuError, ScenarioError, check_path, explain_file
@@ -199,6 +200,10 @@ def _find_files(scenario: Scenario, folder: Path, problems: Problems, *, strict:
     """Read every FMU once, and report a problem with one of them once."""
     found: dict[Path, FmuFile | None] = {}
     files: dict[str, FmuFile] = {}
+    mixed = (folder / MIXED).read_text(encoding="utf-8").split() if (folder / MIXED).is_file() else []
+    if any(component.fmu in mixed for component in scenario.components.values()):
+        text = "a build of %s in %s was killed, so they may be of two builds. Build them again with 'gossamer build'"
+        logger.warning(text, first_few(mixed), folder)
     for name, component in scenario.components.items():
         path = scenario.fmu_path(name, folder)
         place: Location = ("components", name, "fmu")
