@@ -33,9 +33,7 @@ def test_an_fmu_that_fails_when_it_is_read_back_ends_the_run_and_one_that_declin
         build(tmp_path / "odd.fmu", reading=f"for (size_t i = 0; i < n; i++) if (r[i] == 2) return {status};")
         scenario = parse_scenario(STATED.replace('"a.*"', '"a.y"'))
         if status == "fmi2Error":
-            with pytest.raises(
-                SimulationError, match="component 'a' did not return 'p', which the scenario states"
-            ):
+            with pytest.raises(SimulationError, match="component 'a' did not return 'p', which the scenario states"):
                 run_scenario(scenario, tmp_path)
         else:
             assert run_scenario(scenario, tmp_path)["a.y"].values[-1] == 69.0
