@@ -44,8 +44,8 @@ class Clock:
         Its value reference.
     interval : Fraction or None
         ``T`` of a periodic clock; None until the FMU has been asked, if the model description does not state it.
-    shift : Fraction or None
-        Time of the first tick of a periodic clock after the start; None as above.
+    shift : Fraction
+        Time of the first tick of a periodic clock after the start, as far as the model description states it.
     asked : bool
         The FMU is asked for its interval.
     due : Fraction or None
@@ -56,7 +56,7 @@ class Clock:
     reference: int
     kind: str
     interval: Fraction | None
-    shift: Fraction | None
+    shift: Fraction
     asked: bool
     due: Fraction | None = None
 
@@ -71,7 +71,7 @@ def read_clocks(fmu: FmuFile) -> list[Clock]:
         stated = types.get(element.get("declaredType"), {}) | dict(element.attrib)
         kind = stated["intervalVariability"]
         interval = _fraction(stated, "interval") if kind in PERIODIC else None
-        shift = None if interval is None else _fraction(stated, "shift") or Fraction(0)
+        shift = _fraction(stated, "shift") or Fraction(0) if interval else Fraction(0)
         clocks.append(Clock(stated["name"], int(stated["valueReference"]), kind, interval, shift, asked=interval is None))
     return clocks
 
@@ -118,7 +118,10 @@ class Clocked(Instance3):
             if clock.asked:
                 self._ask(clock, self._start)
             if clock.kind in PERIODIC:
-                clock.due = self._start + (self._ask_shift(clock) if clock.shift is None else clock.shift)
+                shift = (ctypes.c_double * 1)()
+                if clock.asked:
+                    self._query(clock, "shift", "getShiftDecimal", shift)
+                clock.due = self._start + clock.shift + Fraction(repr(shift[0]))
         super().exit_initialization()
 
     def read(self, port: Port) -> None:
@@ -159,12 +162,6 @@ class Clocked(Instance3):
             self._leave_events()
         return done
 
-    def _ask_shift(self, clock: Clock) -> Fraction:
-        shift = (ctypes.c_double * 1)()
-        what = f"did not give the shift of its clock {clock.name!r}"
-        self._call(what, "getShiftDecimal", (ctypes.c_uint32 * 1)(clock.reference), shift)
-        return Fraction(repr(shift[0]))
-
     def _due(self) -> list[Clock]:
         return [clock for clock in self._clocks if clock.due is not None and self._is_at(self._reached, float(clock.due))]
 
@@ -178,13 +175,10 @@ class Clocked(Instance3):
             if super()._update():
                 return True
             for clock in self._clocks:
-                ticked = clock in ticking
-                if ticked:
+                if clock in ticking:
                     clock.due = None if clock.interval is None or clock.due is None else clock.due + clock.interval
-                if (
-                    clock.kind == "countdown"
-                    or (clock.kind == "tunable" and clock.asked)
-                    or (clock.kind == "changing" and ticked)
+                if clock.asked and (
+                    clock.kind in ("countdown", "tunable") or (clock.kind == "changing" and clock in ticking)
                 ):
                     self._ask(clock, now)
             ticking = self._due()
@@ -201,24 +195,18 @@ class Clocked(Instance3):
         references = (ctypes.c_uint32 * len(clocks))(*clocks)
         self._call("refused to activate its clocks", "setClock", references, [True] * len(clocks))
         active = [port for port, own in list(self._ports.items()) if not clocks.isdisjoint(own)]
+        waiting = [port for port in active if port in self._waiting]
+        for port in waiting:
+            super()._write(port)
+            del self._waiting[port]
         for port in active:
-            if port in self._waiting:
-                super()._write(port)
-        for port in active:
-            if port not in self._waiting:
+            if port not in waiting:
                 self._take(port)
-        for port in active:
-            self._waiting.pop(port, None)
 
     def _ask(self, clock: Clock, now: Fraction) -> None:
         """Ask for the interval of a clock, relative to the time of the present event [s]."""
-        reference, interval, qualifier = (
-            (ctypes.c_uint32 * 1)(clock.reference),
-            (ctypes.c_double * 1)(),
-            (ctypes.c_int * 1)(),
-        )
-        what = f"did not give the interval of its clock {clock.name!r}"
-        self._call(what, "getIntervalDecimal", reference, interval, qualifier)
+        interval, qualifier = (ctypes.c_double * 1)(), (ctypes.c_int * 1)()
+        self._query(clock, "interval", "getIntervalDecimal", interval, qualifier)
         periodic = clock.kind in PERIODIC
         if qualifier[0] != _CHANGED and not (periodic and clock.interval is None):
             return
@@ -228,6 +216,11 @@ class Clocked(Instance3):
         clock.due = now + Fraction(repr(T))
         if periodic:
             clock.interval = Fraction(repr(T))
+
+    def _query(self, clock: Clock, what: str, method: str, *places: object) -> None:
+        """Let the FMU write what is asked of a clock into some places."""
+        failure = f"did not give the {what} of its clock {clock.name!r}"
+        self._call(failure, method, (ctypes.c_uint32 * 1)(clock.reference), *places)
 
     def save_state(self, slot: int = 0) -> None:
         """Save the present state in a slot, 0 or 1, in place of the one saved there before."""
