@@ -5,9 +5,9 @@
 #define CLOCKED 5
 #define NX 1
 #define NZ 1
-typedef struct { double v, dv, u, p, q, level, arm, y[6]; int32_t n[6]; bool said; Text text; } Model;
+typedef struct { double v, dv, z, u, p, q, level, arm, y[6]; int32_t n[6]; bool said; Text text; } Model;
 static void start(Model *m) { *m = (Model){.p = 0.25, .q = 0.2, .level = 0.5, .arm = -1}; strcpy(m->text.text, "none"); }
-static void derivatives(Model *m) { m->dv = 1.0; }
+static void derivatives(Model *m) { m->dv = 1.0; m->z = m->v - m->level; }
 static void indicators(const Model *m, double *z) { *z = m->v - m->level; }
 static bool event(const Model *m, double time) { (void)time; return m->v >= m->level - 1e-9; }
 static void update(Model *m) { m->level += 1.0; m->arm = 0.03; }
@@ -36,7 +36,7 @@ static int interval(Model *m, int clock, double *T) {
 static double shift(const Model *m, int clock) { return clock == 2 ? m->p / 2 : 0.0; }
 static int clock_of(unsigned reference) { return reference == 20 ? 1 : reference == 30 ? 4 : reference > 100 ? reference % 10 : 0; }
 static const Variable variables[] = {
-  {10, F64, OUTPUT, AT(v)}, {11, F64, OUTPUT, AT(dv)}, {20, F64, INPUT, AT(u)}, {21, F64, PARAMETER, AT(p)}, {22, F64, TUNABLE, AT(q)},
+  {10, F64, OUTPUT, AT(v)}, {11, F64, OUTPUT, AT(dv)}, {12, F64, OUTPUT, AT(z)}, {20, F64, INPUT, AT(u)}, {21, F64, PARAMETER, AT(p)}, {22, F64, TUNABLE, AT(q)},
   {30, STR, OUTPUT, AT(text)},
   {101, F64, OUTPUT, AT(y[1])}, {102, F64, OUTPUT, AT(y[2])}, {103, F64, OUTPUT, AT(y[3])}, {104, F64, OUTPUT, AT(y[4])},
   {105, F64, OUTPUT, AT(y[5])},
