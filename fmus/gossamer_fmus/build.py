@@ -41,7 +41,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Unpack
 
-from gossamer_files import replacing, uninterrupted, write_archive
+from gossamer_files import MIXED, replacing, uninterrupted, write_archive
 from gossamer_files.options import option
 from gossamer_models import GossamerError, ParameterError, StepModel
 
@@ -185,11 +185,18 @@ def build_models(
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(compile_one, product(platforms, fmus)))
     paths = {name: folder / f"{name}.fmu" for name in fmus}
-    with uninterrupted(), ExitStack() as set_of_all:  # they take their places together, or none does
-        unfinished = {name: set_of_all.enter_context(replacing(path)) for name, path in paths.items()}
-        for name, members in fmus.items():
-            ordered = sorted(members.items(), key=lambda item: (item[0] != "modelDescription.xml", item[0]))
-            write_archive(unfinished[name], dict(ordered))
+    mark = folder / MIXED
+    with uninterrupted():
+        with ExitStack() as set_of_all:  # they take their places together, or none does
+            unfinished = {name: set_of_all.enter_context(replacing(path)) for name, path in paths.items()}
+            for name, members in fmus.items():
+                ordered = sorted(members.items(), key=lambda item: (item[0] != "modelDescription.xml", item[0]))
+                write_archive(unfinished[name], dict(ordered))
+            earlier = mark.read_text(encoding="utf-8").split() if mark.is_file() else []
+            mark.write_text("\n".join(sorted({*earlier, *paths})), encoding="utf-8")
+        mark.unlink()
+        if left := sorted({*earlier} - {*paths}):
+            mark.write_text("\n".join(left), encoding="utf-8")
     return paths
 
 

@@ -26,6 +26,9 @@ from .inputs import check_outputs
 STALE = 3600.0  # [s] without a change: its writer was killed
 
 
+MIXED = ".unfinished_build"  # in a folder of FMUs: names of those that a killed build may have left mixed
+
+
 def digest(path: Path) -> str:
     """Return the SHA-256 of a file in hexadecimal digits."""
     import hashlib  # with OpenSSL, which takes long to load

@@ -7,11 +7,11 @@ import os
 import re
 import tomllib
 from dataclasses import asdict, dataclass
-from itertools import chain, compress
+from itertools import compress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
-from gossamer_files.inputs import check_outputs, keep
+from gossamer_files.inputs import check_outputs
 from gossamer_files.options import option
 from gossamer_orchestrator.errors import require
 from gossamer_orchestrator.scenario.source import find_scenario, read_text
@@ -19,7 +19,7 @@ from gossamer_orchestrator.words import counted, uncertain
 
 from .arguments import File, Files, Values, assigned, command, several
 from .options import TwinOptions
-from .records import files_of, find_records, numbers_by_name
+from .records import find_records, keep_records, numbers_by_name
 from .results import INVALID, Saved, typed
 from .working import json_file, progress_bar
 
@@ -170,7 +170,7 @@ def calibrate(
 
     paths, setup = [Path(each) for each in several(files)], options["setup"]
     path = Path(out) if Path(out).suffix == ".toml" else json_file(out)
-    keep(*chain.from_iterable(map(files_of, paths)))
+    keep_records(*paths)
     check_outputs([path, path.with_suffix(".json")])
     if path.suffix == ".toml":
         require(

@@ -131,7 +131,7 @@ def _run(words: list[str]) -> int:
         return USAGE
     except (OrchestratorError, KeyboardInterrupt) as error:
         print(str(error) or "Interrupted.", *getattr(error, "__notes__", ()), sep="\n", file=sys.stderr)
-        return 1 if isinstance(error, OrchestratorError) else INTERRUPTED
+        return error.code if isinstance(error, OrchestratorError) else INTERRUPTED
 
 
 def _answer(found: Any, wants_json: bool) -> int:  # noqa: ANN401

@@ -5,16 +5,15 @@ from __future__ import annotations
 import json
 import logging
 from dataclasses import dataclass
-from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
-from gossamer_files.inputs import check_outputs, keep
+from gossamer_files.inputs import check_outputs
 from gossamer_orchestrator.errors import require
 
 from .arguments import AnyPath, File, Files, NamesWithCommas, command, names_of, several
 from .options import TwinOptions
-from .records import KnownRecord, beside, files_of, find_record, find_records, name_of
+from .records import KnownRecord, beside, find_record, find_records, keep_records, name_of
 from .results import INVALID, Saved, as_png, typed, zone_coordinates
 from .working import json_file, progress_bar, save_page, say, stderr
 
@@ -219,7 +218,7 @@ def twin(
     sources, console = [Path(each) for each in several(records)], stderr()
     require(sources, "there is no record to fit. Name one or more.")
     path = beside(sources[0], TWIN) if out is None else json_file(out)
-    keep(*chain.from_iterable(map(files_of, sources)))
+    keep_records(*sources)
     check_outputs([out, path])
     with console.status("reading"):
         every = find_records(sources, options, stop)

@@ -356,7 +356,7 @@ def _write(
 ) -> Path:
     """Write a scenario, which is not overwritten, as another kind of file; return its path, and say what it holds."""
     from gossamer_orchestrator.exchange import open_scenario
-    from gossamer_orchestrator.exchange.ssp_writer import LEFT, leave_behind
+    from gossamer_orchestrator.exchange.ssp_writer import leave_behind
 
     path = find_scenario(str(text))
     target = Path("out") / f"{path.stem}{ending}" if out is None else Path(out)
@@ -364,12 +364,7 @@ def _write(
         packed = [opened.fmu_path(component, Path(fmus)) for component in opened.components]
         keep(*packed)
         check_outputs([target])
-        try:
-            written = write(leave_behind(opened, without), Path(fmus), target)
-        except ScenarioError as error:
-            if left := ",".join(kind for kind in LEFT if f" has no {kind}" in str(error)):
-                error.add_note(f"{option('without', left)} writes the rest.")
-            raise
+        written = write(leave_behind(opened, without), Path(fmus), target)
         say(f"packed: {kinds_of(packed)}")
     return written
 

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gossamer_files.inputs import check_outputs, keep
+from gossamer_files.inputs import check_outputs
 from gossamer_orchestrator.errors import require
 from gossamer_orchestrator.words import counted, uncertain
 
 from .arguments import AnyPath, File, several
 from .options import TwinOptions
-from .records import files_of, find_record
+from .records import find_record, keep_records
 from .results import Saved
 from .working import progress_bar, save_page
 
@@ -137,7 +137,7 @@ def recalibrated_from(
         bar.update(text="reading,")
         found = find_record(paths[0], options)
         numbers = range(1, found.structure.n_sensors + 1)
-        keep(*files_of(paths[0]))
+        keep_records(paths[0])
         check_outputs(out / f"sensor_{k}.json" for k in numbers)
         errors = None
         if setup is not None and not found.of_run and not found.structure.starts_in_plane:

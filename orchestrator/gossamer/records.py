@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gossamer_files.inputs import keep
 from gossamer_files.options import option
 from gossamer_orchestrator.errors import OrchestratorError, ResultsError, require
 
@@ -226,11 +227,11 @@ def beside(record: Path, name: str) -> Path:
     return (record if record.is_dir() else record.parent) / name
 
 
-def files_of(record: Path) -> list[Path]:
-    """Return the file of a record, or those of the run that are in a folder."""
+def keep_records(*records: Path) -> None:
+    """Register the files of records, or those of the runs that are in folders, as read by the command under way."""
     from gossamer_orchestrator.results.files import RECORDED
 
-    return [record / name for name in RECORDED] if record.is_dir() else [record]
+    keep(*(path for each in records for path in ([each / name for name in RECORDED] if each.is_dir() else [each])))
 
 
 def name_of(record: Path) -> str:

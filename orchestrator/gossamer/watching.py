@@ -10,14 +10,14 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
-from gossamer_files.inputs import check_outputs, keep
+from gossamer_files.inputs import check_outputs
 from gossamer_files.options import option
 from gossamer_orchestrator.errors import OrchestratorError, require
 from gossamer_orchestrator.words import counted
 
 from .arguments import AnyPath, File, command, expected_errors
 from .options import TwinOptions
-from .records import KnownRecord, beside, files_of, find_arriving, find_in_results, find_record, name_of
+from .records import KnownRecord, beside, find_arriving, find_in_results, find_record, keep_records, name_of
 from .watched import SEE, Watching
 from .working import TERMINAL, progress_bar, save_page, talk
 
@@ -155,7 +155,7 @@ def watch(
     source = Path(record)
     live = source.exists() and not (source.is_file() or source.is_dir())  # a pipe
     path = Path(out or (WATCH if live else beside(source, WATCH)))
-    keep(*files_of(source))
+    keep_records(source)
     check_outputs([path])
     require(0.0 < see < 1.0, f"{option('see')} is {see:g}. Write a damage between 0 and 1, for instance 0.1.")
     parts = find_arriving(source, options) if live else iter([find_record(source, options)])

@@ -14,7 +14,15 @@ from gossamer_files.options import option
 
 
 class OrchestratorError(Exception):
-    """Root of every error that the orchestrator raises on purpose."""
+    """Root of every error that the orchestrator raises on purpose.
+
+    Attributes
+    ----------
+    code : int
+        Exit code of a command that ends with it.
+    """
+
+    code = 1
 
 
 def require(condition: object, message: str, error: type[Exception] = OrchestratorError) -> None:
@@ -25,6 +33,12 @@ def require(condition: object, message: str, error: type[Exception] = Orchestrat
 
 class ScenarioError(OrchestratorError, ValueError):
     """A scenario that is incomplete or wrong, or that does not fit its FMUs."""
+
+
+class NotFiniteError(ScenarioError):
+    """A scenario whose inputs hold a number that is not finite."""
+
+    code = 3
 
 
 class FmuError(OrchestratorError, ValueError):

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import zipfile
 from dataclasses import replace
+from pathlib import Path
 
 import casadi as ca
 import fmpy
@@ -13,7 +14,7 @@ import pytest
 from building import build_fmu
 from fmpy.validation import validate_fmu
 from fmu_host import FMUS, model_of
-from gossamer_fmus import NAMES, build_all, variables_table
+from gossamer_fmus import NAMES, build_all, build_models, variables_table
 from gossamer_fmus.catalogue import MODELS, fmu_folder, make_model
 from gossamer_fmus.description import arrays_of, base_unit
 from gossamer_fmus.page import with_variables
@@ -22,6 +23,7 @@ from gossamer_models.compensator import compensator_model
 from gossamer_models.membrane.square import square_structure
 from gossamer_models.sensor import Scales, default_artifact
 from gossamer_models.sensor.artifact import DEFAULT_TRACKING
+from gossamer_orchestrator import make_plan, parse_scenario
 from oracles.direct import direct_inverse
 from oracles.preisach import spring
 
@@ -41,6 +43,30 @@ def test_fmutool_finds_no_problem(fmus, name):
     assert done.returncode == 0, output
     assert "No semantic error against the FMI-2 standard" in output
     assert not re.search(r"^(WARNING|ERROR|CRITICAL)", output, re.MULTILINE), output
+
+
+def test_a_build_that_ends_between_two_renames_is_said_until_it_is_repeated(tmp_path, monkeypatch, caplog):
+    models = {name: model_of("sensor") for name in ("a", "b")}
+    build_models(models, tmp_path)
+    replace = Path.replace
+
+    def end(self, target):
+        if target.name == "a.fmu":
+            msg = "killed"
+            raise OSError(msg)
+        return replace(self, target)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "replace", end)
+        with pytest.raises(OSError, match="killed"):
+            build_models(models, tmp_path)
+    scenario = parse_scenario("step = 0.1\nstop = 0.1\n[components.s]\nfmu = 'b'\ninputs = { strain = 0 }\n")
+    make_plan(scenario, tmp_path)
+    assert "a build of a, b in" in caplog.text
+    caplog.clear()
+    build_models(models, tmp_path)
+    make_plan(scenario, tmp_path)
+    assert caplog.text == ""
 
 
 @only_python

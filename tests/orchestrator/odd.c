@@ -1,5 +1,5 @@
 /* An FMU of FMI 2.0 that a test completes with C statements: AT_LOAD, AT_INSTANTIATION, AT_ENTRY and AT_EXIT of the
-   initialization, AT_SETTING of Reals, and AT_STEP, from odd.h; SAY logs a text.
+   initialization, AT_SETTING and AT_READING of Reals, and AT_STEP, from odd.h; SAY logs a text.
    note(pid) adds a line to the file PIDS. Its output y is the input u, its parameter p is fixed; a step sees `time` and `size` [s] and may return another status. */
 #define _DEFAULT_SOURCE
 #include <signal.h>
@@ -52,6 +52,7 @@ fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind k, fmi2Boo
 }
 fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference r[], size_t n, fmi2Real v[]) {
   ONE;
+  AT_READING;
   for (size_t i = 0; i < n; i++) v[i] = one->value[r[i]];
   return fmi2OK;
 }

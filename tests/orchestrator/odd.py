@@ -8,7 +8,7 @@ from pathlib import Path
 import fmpy
 from gossamer_models.compiler import compile_shared
 
-PLACES = ("load", "instantiation", "entry", "exit", "setting", "step")
+PLACES = ("load", "instantiation", "entry", "exit", "setting", "reading", "step")
 XML = """<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="2.0" modelName="odd" guid="{{odd}}" generationTool="hand">
   <CoSimulation modelIdentifier="odd" canGetAndSetFMUstate="true" canSerializeFMUstate="true"/>

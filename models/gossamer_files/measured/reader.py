@@ -34,6 +34,10 @@ LONG_STEP = 5.0  # and so may any that are this far apart
 DELIMITERS = {";": "semicolons", "\t": "tabs", " ": "spaces"}
 
 
+class InfiniteError(DataError):
+    """A table that holds an infinite number."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measured:
     """Columns of one file in SI, and how they were written.
@@ -259,6 +263,7 @@ def _check_gap(path: Path, line: int, cell: str, value: float, column: Column, *
         msg = f"{where} there is no value under {column.name!r}. Correct or remove the row."
     elif math.isinf(value):
         msg = f"{where} {cell.strip()!r} under {column.name!r} is infinite. Correct or remove the row."
+        raise InfiniteError(msg)
     else:
         advice = "Leave the cell empty for a gap" if allowed else why_no_number([cell])
         msg = f"{where} {cell.strip()!r} under {column.name!r} is no number. {advice}."

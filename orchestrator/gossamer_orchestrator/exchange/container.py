@@ -32,8 +32,10 @@ from ..errors import ScenarioError, require, writing
 from ..fmi.archive import check_target
 from ..fmi.file import OPTIONAL
 from ..fmi.slave import collect_errors
+from ..fmi.types import holds
 from ..scenario.plan import Plan, make_plan
 from ..scenario.schema import Scenario
+from ..words import first_few
 from .ssp_writer import declare_unit, inexpressible
 
 _NAMESPACE = uuid.UUID("6c0ac8a6-6d8d-5a15-8f0e-6ed3a6a0c1b4")
@@ -84,7 +86,16 @@ def build_container(scenario: Scenario, fmus: Path, out: Path, *, fmi: int = 2) 
             if component.fmu.model_exchange:
                 text = f"FMU {component.fmu.name!r} is for model exchange, which a container does not integrate."
                 problems.add(("components", component.name, "fmu"), f"{text} Export it for co-simulation.")
+            if component.fmu.clocks:
+                clocks = first_few([*component.fmu.clocks])
+                text = f"FMU {component.fmu.name!r} has clocks, which a container does not tick: {clocks}."
+                problems.add(("components", component.name, "fmu"), f"{text} Take the FMU out of it.")
         for c in plan.connections:
+            sent = plan.component(c.sender).fmu.variables[c.output].type
+            received = plan.component(c.receiver).fmu.variables[c.input].type
+            if not holds(received, sent):
+                text = f"{c.origin!r} is of type {sent} and {c.target!r} of type {received}, and a container does not round."
+                problems.add(("connections",), f"{text} Connect variables of one type.")
             if not problems.found and (c.gain not in (None, 1.0) or c.bias not in (None, 0.0)):
                 text = f"{c.origin!r} and {c.target!r} have different units, and a container does not convert them."
                 problems.add(("connections",), f"{text} Connect variables of one unit.")

@@ -73,8 +73,11 @@ class SspFiles:
             resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True, remove_pis=True
         )
         try:
-            self._declare_prefixes(path)
-            tree = etree.parse(path, parser)
+            try:
+                tree = etree.parse(path, parser)
+            except etree.XMLSyntaxError:
+                self._declare_prefixes(path)
+                tree = etree.parse(path, parser)
         except (OSError, etree.XMLSyntaxError) as error:
             self.refuse(f"{path.name} is not XML: {error}", "Write the archive again")
         if tree.docinfo.internalDTD is not None:

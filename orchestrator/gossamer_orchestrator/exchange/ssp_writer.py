@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from gossamer_files import write_archive
+from gossamer_files.options import option
 from lxml import etree
 from pyssp_standard.common_content_ssc import Annotation, TypeReal
 from pyssp_standard.parameter_types import ParameterType
@@ -82,10 +83,11 @@ def _refuse_inexpressible(plan: Plan) -> None:
     advice = "or give its value as an input from the start"
     problems = inexpressible(plan.scenario, "SSP", {"noise": None, "dropout": None}, advice)
     for c in plan.connections:
-        kind = plan.component(c.sender).fmu.variables[c.output].type
-        if kind != "Real":
-            text = f"{c.origin!r} is of type {kind}, but other tools connect only Reals of an SSP. Remove the connection."
-            problems.add(("connections",), text)
+        for end, name, variable in ((c.origin, c.sender, c.output), (c.target, c.receiver, c.input)):
+            kind = plan.component(name).fmu.variables[variable].type
+            if kind != "Real":
+                text = f"{end!r} is of type {kind}, but other tools connect only Reals of an SSP. Remove the connection."
+                problems.add(("connections",), text)
     for component in plan.components:
         for name, value in component.start.items():
             variable = component.fmu.variables[name]
@@ -103,6 +105,8 @@ def _refuse_inexpressible(plan: Plan) -> None:
             "'gossamer run' reads that; other tools may not. FMUs of FMI 2.0 work in all of them",
             ", ".join(names),
         )
+    if clocks := [f"{c.name}.{clock}" for c in plan.components for clock in c.fmu.clocks]:
+        logger.warning("SSP keeps the clocks inside their FMUs, and not every tool ticks them: %s", first_few(clocks))
 
 
 def _sources(files: Iterable[FmuFile]) -> dict[FmuFile, str]:
@@ -220,10 +224,19 @@ def inexpressible(scenario: Scenario, what: str, keys: Mapping[str, float | None
         for key, neutral in keys.items():
             if getattr(connection, key) not in (None, neutral):
                 problems.add(("connections", i, key), f"{what} has no {key} in its connections. Remove it.")
+    if left := ",".join(kind for kind in LEFT if _of_kind(scenario, kind)):
+        problems.note = f"{option('without', left)} writes the rest."
     return problems
 
 
 LEFT = ("noise", "dropout", "events")
+
+
+def _of_kind(scenario: Scenario, kind: str) -> list[str]:
+    """Name what a scenario has of a kind that can be left behind."""
+    if kind == "events":
+        return [f"event at {event.time:g} s" for event in scenario.events]
+    return [f"{kind} of {c.origin} -> {c.target}" for c in scenario.connections if getattr(c, kind)]
 
 
 def leave_behind(scenario: Scenario, kinds: Collection[str]) -> Scenario:
@@ -236,8 +249,7 @@ def leave_behind(scenario: Scenario, kinds: Collection[str]) -> Scenario:
     """
     for kind in kinds:
         require(kind in LEFT, f"{kind!r} cannot be left behind. Name some of {', '.join(LEFT)}.", ScenarioError)
-    left = [f"{kind} of {c.origin} -> {c.target}" for c in scenario.connections for kind in kinds if getattr(c, kind, None)]
-    left += [f"event at {event.time:g} s" for event in scenario.events if "events" in kinds]
+    left = [text for kind in kinds for text in _of_kind(scenario, kind)]
     if not left:
         return scenario
     logger.warning("%s: this stays behind: %s", scenario.source.name, first_few(left))

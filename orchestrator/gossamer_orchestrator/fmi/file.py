@@ -48,6 +48,8 @@ class FmuFile:
         FMPy's ``ModelVariable`` by name; an array of FMI 3.0 stands there as its elements, named ``strain[1]``.
     arrays : dict
         Names of the elements of every array of FMI 3.0, row by row.
+    clocks : dict
+        FMPy's ``ModelVariable`` of every clock of FMI 3.0, which are none of the variables.
     findings : list of str
         What FMPy finds against the rules of FMI in a model description that can be read nevertheless.
     corrupt : bool
@@ -74,6 +76,8 @@ class FmuFile:
         self.description: Any = description
         self.version = int(description.fmiVersion[0])
         self.variables, self.arrays = flatten(self.path, description.modelVariables, sizes or {})
+        self.clocks = {name: v for name, v in self.variables.items() if v.type == "Clock"}
+        self.variables = {name: v for name, v in self.variables.items() if name not in self.clocks}
         self._array_of = {element: name for name, elements in self.arrays.items() for element in elements}
         self._check_starts()
         self.corrupt = False
@@ -167,13 +171,17 @@ class FmuFile:
             if on is None:
                 through[output] = inputs
             else:
-                names = [v.name for v in on if v.causality == "input"]
+                names = [v.name for v in on if v.causality == "input" and v.name not in self.clocks]
                 through[output] = [element for name in names for element in self.arrays.get(name, [name])]
         return through
 
     def array_of(self, name: str) -> str | None:
         """Return the array of FMI 3.0 of which a variable is an element, which is exchanged as a whole; else None."""
         return self._array_of.get(name)
+
+    def clocks_of(self, name: str) -> tuple[int, ...]:
+        """Return the value references of the clocks to which a variable belongs, most often none."""
+        return tuple(clock.valueReference for clock in self.variables[name].clocks or ())
 
     def elements(self, name: str) -> list[str]:
         """List the elements of an array, row by row: one of FMI 3.0, or variables of FMI 2.0 named ``strain[1]`` etc."""

@@ -114,20 +114,17 @@ class Instance:
 
     def differing(self, values: Mapping[str, Value]) -> dict[str, Value]:
         """Return what the FMU has in place of values that were set, by name, as far as they can be read and differ."""
-        names: dict[str, list[str]] = {}
-        for name in self.fmu.whole(values):
-            names.setdefault(self.fmu.variables[name].type, []).append(name)
         found: dict[str, Value] = {}
-        for kind, each in names.items():
-            port = self.port(each, kind)
+        for name in dict.fromkeys(self.fmu.array_of(v) or v for v in self.fmu.whole(values)):
+            names = self.fmu.arrays.get(name, [name])
+            port = self.port(names, self.fmu.variables[names[0]].type)
             status = port.get_them(*port.arguments)
-            if status > WARNING:
-                if status == FATAL:
-                    self._check(status, "did not return its start values")
+            if status == DISCARD:
                 continue
-            present = dict(zip(each, port.get(), strict=True))
-            stated = dict(zip(each, port.put([values.get(name, present[name]) for name in each]).get(), strict=True))
-            found |= {name: value for name, value in present.items() if not _same(value, stated[name])}
+            self._check(status, f"did not return {name!r}, which the scenario states")
+            present = dict(zip(names, port.get(), strict=True))
+            stated = dict(zip(names, port.put([values.get(v, present[v]) for v in names]).get(), strict=True))
+            found |= {v: value for v, value in present.items() if not _same(value, stated[v])}
         return found
 
     def enter_initialization(self, stop: float) -> None:
@@ -165,6 +162,13 @@ class Instance:
 
     def leave_event_mode(self) -> bool:
         """Let the FMU handle its events and return to the mode before; True if it ends the simulation."""
+        if self._update():
+            return True
+        self._call("could not leave its event mode", self._LEAVE)
+        return False
+
+    def _update(self) -> bool:
+        """Let the FMU handle its events; True if it ends the simulation."""
         for _ in range(MAX_UPDATES):
             again, over, _, _, defined, event = self._call("could not handle its events", self._UPDATE)
             if over:
@@ -174,7 +178,6 @@ class Instance:
         else:
             self._fail(f"still has events after {MAX_UPDATES} updates at t = {self.time:.9g} s")
         self._next_event = float(event) if defined else math.inf
-        self._call("could not leave its event mode", self._LEAVE)
         return False
 
     def _leave_events(self) -> bool:

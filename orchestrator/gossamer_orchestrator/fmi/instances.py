@@ -35,6 +35,7 @@ class Instance3(Instance):
 
     version = 3
     _STATE = "FMUState"
+    _next_tick = math.inf  # of its clocks [s]
 
     def __init__(self, fmu: FmuFile, name: str, time: float = 0.0) -> None:
         super().__init__(fmu, name, time)
@@ -85,27 +86,31 @@ class Instance3(Instance):
             self.write(port)
 
     def step(self, time: ctypes.c_double, size: ctypes.c_double) -> bool:
-        """Advance by ``size`` [s] from ``time`` [s], with the events where it returns early; see ``Instance.step``."""
+        """Advance by ``size`` [s] from ``time`` [s], with the events on the way; see ``Instance.step``."""
         self._time = time
         end, before = time.value + size.value, -math.inf
         while True:
+            aim = end
+            if self._next_tick < end and not self._is_at(self._next_tick, end):
+                aim = self._next_tick
+                size = ctypes.c_double(aim - time.value)
             status = self._do_step(self._component, time, size, 0, *self._results)
             if status > WARNING:
                 if status != DISCARD:
                     self._check(status, "failed")
                 return False
             self._worry(status)
-            self._reached = end
-            if not self._any.value:
+            self._reached = aim
+            if not self._any.value and aim < self._next_tick:
                 return True
             events, over, early, _ = self._flags
-            last = self._last.value if early or over else end
-            if events and self.event_mode:
+            last = self._reached = self._last.value if early or over else aim
+            if (events or self._is_at(last, self._next_tick)) and self.event_mode:
                 self.enter_event_mode()
                 over |= self.leave_event_mode()
             if over:
                 return self._end(last, end)
-            if not early or self._is_at(last, end):
+            if self._is_at(last, end):
                 return True
             if last <= before:
                 self._fail(f"returned early from its step to t = {end:.9g} s again and again, at t = {last:.9g} s")
@@ -215,9 +220,3 @@ class ModelExchange2(ModelExchange):
 
 class ModelExchange3(ModelExchange, Instance3):
     """One instance of an FMU of FMI 3.0 for model exchange."""
-
-
-def start_instance(fmu: FmuFile, name: str, time: float = 0.0) -> Instance:
-    """Start an instance of an FMU of either version and kind; see ``Instance``."""
-    kinds = {(2, False): Instance, (3, False): Instance3, (2, True): ModelExchange2, (3, True): ModelExchange3}
-    return kinds[fmu.version, fmu.model_exchange](fmu, name, time)

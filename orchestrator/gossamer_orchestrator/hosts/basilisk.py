@@ -19,8 +19,8 @@ from Basilisk.utilities import macros
 from scipy.spatial.transform import Rotation
 
 from ..errors import FmuError, SimulationError
+from ..fmi.clocks import start_instance
 from ..fmi.file import FmuFile
-from ..fmi.instances import start_instance
 from .debt import Array, Debt, turn
 
 _MOTION = [f"{name}[{k}]" for name in ("frame_acceleration", "angular_velocity", "angular_acceleration") for k in (1, 2, 3)]

@@ -127,7 +127,8 @@ def draw_share() -> None:
         return
     folder = Path(task["folder"])
     try:
-        data = load_results(folder).isel(time=slice(None, None, task["every"]))
+        data = load_results(folder)
+        data = data.isel(time=slice(None, None, task["every"])) if task["every"] > 1 else data
         share, tell = slice(*task["share"]), lambda path: _say({"begun": path})
         for each in draw_pictures(data, folder, "png", folder, share, tell):
             _say(asdict(each))

@@ -35,6 +35,9 @@ logger = logging.getLogger(__name__)
 NETCDF, CSV = "results.nc", "results.csv"
 MESSAGES = "messages.txt"  # warnings of the run, a line each
 UNFINISHED_NETCDF, RESUME, UNFINISHED_WATCH = "unfinished.nc", "unfinished.npz", "unfinished_watch.json"
+WATCH = "watch.json"
+TWIN = "twin.json"  # beside results too: what ``gossamer twin`` found; its page is in the folder ``twin``
+OF_RUN = (NETCDF, CSV, MESSAGES, WATCH, RESUME, UNFINISHED_NETCDF, UNFINISHED_WATCH)  # what a run writes but shapes
 RECORDED = (NETCDF, UNFINISHED_NETCDF, CSV)  # files that hold results
 CSV_VALUES = 10_000_000  # above, a CSV file is written on demand only
 MAKE_SOME = "Make them with 'gossamer run'."
@@ -82,7 +85,9 @@ def _write_csv(data: xr.Dataset, path: Path) -> None:
         writer = csv.writer(file)
         writer.writerow(names)
         for first in range(0, data.sizes["time"], rows):
-            parts = [variable[first : first + rows].to_numpy() for variable in (data.variables["time"], *variables.values())]
+            each = (data.variables["time"], *variables.values())
+            whole = rows >= data.sizes["time"]  # a slice of one of ten thousand variables takes longer than its values
+            parts = [v.to_numpy() if whole else v[first : first + rows].to_numpy() for v in each]
             columns = [part.reshape(len(part), -1) for part in parts]
             writer.writerows(np.hstack(columns).tolist())
 
@@ -124,8 +129,7 @@ def load_results(path: Path) -> xr.Dataset:
         if path.stat().st_size > _LOADED:  # an index over time would read the whole file
             data = xr.open_dataset(path, engine="scipy", create_default_indexes=False)
         else:
-            with xr.open_dataset(path, engine="scipy") as opened:
-                data = opened.load()
+            data = _load_netcdf(path)
     except (OSError, ValueError, TypeError, IndexError, StopIteration) as error:
         reason = str(error).partition("\n")[0]  # what follows advises to install a library for other files
         msg = f"cannot read results from {path}: {reason}. Run the scenario again."
@@ -183,6 +187,22 @@ def has_rows(path: Path) -> bool:
         return file.read(8)[4:] > b"\0\0\0\0"
 
 
+def _load_netcdf(path: Path) -> xr.Dataset:
+    """Read a netCDF file whole: what xarray does, without what that needs for every one of ten thousand variables."""
+    import xarray as xr
+    from scipy.io import netcdf_file
+
+    def attributes(of: Any) -> dict[str, Any]:  # noqa: ANN401
+        return {k: v.decode("utf-8", "replace") if isinstance(v, bytes) else v for k, v in of._attributes.items()}
+
+    with netcdf_file(path, mmap=False) as file:
+        variables = {
+            name: (each.dimensions, each.data.astype(each.data.dtype.newbyteorder("="), copy=False), attributes(each))
+            for name, each in file.variables.items()
+        }
+        return xr.Dataset(variables, attrs=attributes(file))
+
+
 def _load_csv(path: Path) -> xr.Dataset:
     with path.open(newline="", encoding="utf-8") as file:
         header = next(csv.reader(file))
@@ -195,9 +215,7 @@ def _load_csv(path: Path) -> xr.Dataset:
     return arrange(table[:, 0], table[:, 1:], columns)
 
 
-WATCH = "watch.json"
 LARGE = 2.0  # chi2 per sample of a window that the twin does not explain
-TWIN = "twin.json"  # beside results too: what ``gossamer twin`` found; its page is in the folder ``twin``
 
 
 def read_watch(folder: Path) -> dict[str, Any] | None:

@@ -25,7 +25,7 @@ from gossamer_files.inputs import OverwriteError, check_outputs, keep, keeping
 from ..errors import OrchestratorError, ResultsError, ScenarioError, SimulationError
 from ..exchange import open_scenario
 from ..results.dataset import group, plan_columns
-from ..results.files import CSV, MESSAGES, NETCDF, RESUME, UNFINISHED_NETCDF, WATCH
+from ..results.files import OF_RUN, RESUME
 from ..results.shapes import SHAPES, UNFINISHED_SHAPES
 from ..scenario.plan import ComponentPlan, Plan, make_plan
 from ..scenario.schema import MASTERS, Connection, Given, Scenario
@@ -159,9 +159,8 @@ def _run(task: RunTask, report: Report) -> None:
 def _check_outputs(plan: Plan, out: Path) -> None:
     """Refuse a folder for results in which a run would write over its scenario, an FMU or a history of inputs."""
     keep(*(file.path for file in plan.files), *(plan.scenario.folder / given.file for given in plan.scenario.inputs))
-    names = (NETCDF, CSV, MESSAGES, WATCH, SHAPES, RESUME, UNFINISHED_NETCDF, UNFINISHED_SHAPES)
     try:
-        check_outputs(out / name for name in names)
+        check_outputs(out / name for name in (*OF_RUN, SHAPES, UNFINISHED_SHAPES))
     except OverwriteError as error:
         raise ResultsError(str(error)) from error
 

@@ -14,8 +14,8 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Protocol
 
+from ..fmi.clocks import start_instance
 from ..fmi.instance import Instance
-from ..fmi.instances import start_instance
 from ..scenario.plan import Plan
 from ..words import first_few
 from . import position as at

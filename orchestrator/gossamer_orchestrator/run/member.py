@@ -30,9 +30,9 @@ Wire = tuple[Connection, Channel | None]
 
 
 def needs_values(plan: ComponentPlan, instance: Instance, name: str) -> bool:
-    """Tell whether a connected input is set by value: no Real, in a partly connected array, or only in event mode."""
+    """Tell whether a connected input is set by value: no Real, in a partly connected array, or only in an event."""
     variable, array = plan.fmu.variables[name], plan.fmu.array_of(name)
-    if variable.type != "Real" or (instance.event_mode and variable.variability == "discrete"):
+    if variable.type != "Real" or (instance.event_mode and variable.variability == "discrete") or plan.fmu.clocks_of(name):
         return True
     return (
         array is not None
@@ -161,7 +161,7 @@ class Member:
         self.name, self.number, self.every = plan.name, number, plan.every
         self.instance, self._store, self._position = instance, store, position
         self.refused = 0
-        reals = {sent: names for kind, sent, names in plan.ports if kind == "Real"}
+        reals = {sent: names for kind, sent, names in plan.ports if kind == "Real" and not plan.fmu.clocks_of(names[0])}
         sent, recorded = reals.get(True, []), reals.get(False, [])
         begin = store.places[plan.name, plan.read[0]] if plan.read else 0
         y = store.values[begin : begin + len(sent) + len(recorded)]
@@ -169,16 +169,16 @@ class Member:
         self.outputs: Port = instance.port([*sent, *recorded], values=y)
         wires = [(c, None if c.is_plain else Channel(c)) for c in plan.connections]
         direct: list[Wire] = []
-        by_type: dict[str, list[Wire]] = {}
+        by_type: dict[tuple[str, tuple[int, ...]], list[Wire]] = {}
         for wire in wires:
             name = wire[0].input
-            by_value = needs_values(plan, instance, name)
-            (by_type.setdefault(plan.fmu.variables[name].type, []) if by_value else direct).append(wire)
-        self.inputs_by_type = [InputsOfType(plan, kind, instance, store, group) for kind, group in by_type.items()]
+            kind = plan.fmu.variables[name].type, plan.fmu.clocks_of(name)
+            (by_type.setdefault(kind, []) if needs_values(plan, instance, name) else direct).append(wire)
+        self.inputs_by_type = [InputsOfType(plan, kind, instance, store, group) for (kind, _), group in by_type.items()]
         self.outputs_by_type = [
             OutputsOfType(instance, names, store, store.places[plan.name, names[0]], sent=sent)
             for kind, sent, names in plan.ports
-            if kind != "Real"
+            if names not in reals.values()
         ]
         self.channels = [(i, channel) for i, (_, channel) in enumerate(direct) if channel is not None]
         self.all_channels = [channel for _, channel in wires if channel is not None]

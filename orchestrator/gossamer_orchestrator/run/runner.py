@@ -137,7 +137,7 @@ def run_scenario(
         process.end()
         error = process.error
         try:
-            last, path = _settle(process, folder, temporary, time.perf_counter() - begun)
+            last, path = _settle(process, folder, temporary, time.perf_counter() - begun, resumed=resume)
             replaced = last is not None and path.name == files.NETCDF
             if replaced:
                 messages.save(folder)
@@ -161,7 +161,9 @@ def run_scenario(
         return data.load() if out is None else data
 
 
-def _settle(process: Process, folder: Path, temporary: Path, wall_time: float) -> tuple[float | None, Path]:
+def _settle(
+    process: Process, folder: Path, temporary: Path, wall_time: float, *, resumed: bool
+) -> tuple[float | None, Path]:
     """Finish the netCDF file; return the time of its last row, None without any, and where it is.
 
     It takes the place of earlier results, but for those of a complete run if this one is not.
@@ -188,7 +190,7 @@ def _settle(process: Process, folder: Path, temporary: Path, wall_time: float) -
     if full or (error is not None and files.has_complete(folder)):
         return last, path
     with uninterrupted(), writing(folder, ResultsError):
-        _remove_earlier(folder)
+        _remove_earlier(folder, drawn=resumed or (folder / files.NETCDF).is_file())
         path = path.replace(folder / files.NETCDF)
         settle_shapes(folder, kept=True)
         if (folder / files.UNFINISHED_WATCH).is_file():
@@ -196,16 +198,18 @@ def _settle(process: Process, folder: Path, temporary: Path, wall_time: float) -
     return last, path
 
 
-def _remove_earlier(folder: Path) -> None:
-    """Remove what was made of earlier results, so that a folder has files of one run at any moment."""
+def _remove_earlier(folder: Path, *, drawn: bool) -> None:
+    """Remove what was made of earlier results, maybe drawn, so that a folder has files of one run at any moment."""
     from ..pages import PAGE
     from ..results.report.pictures import remove_drawn
 
-    if (folder / files.NETCDF).is_file():
+    if drawn:
         remove_drawn(folder)
+    twin = folder / Path(files.TWIN).stem  # of what the twin found, or of a run that is called so
+    if (folder / files.TWIN).is_file() and not any((twin / name).is_file() for name in files.RECORDED):
+        (twin / PAGE).unlink(missing_ok=True)
     for name in (files.CSV, files.MESSAGES, SHAPES, files.WATCH, files.TWIN):
         (folder / name).unlink(missing_ok=True)
-        (folder / Path(name).stem / PAGE).unlink(missing_ok=True)  # of the twin
 
 
 def _write_csv(data: xr.Dataset, folder: Path, wanted: bool | None) -> None:

@@ -25,7 +25,8 @@ import numpy as np
 from gossamer_files import digest, replacing, write_text
 from gossamer_files.options import option
 
-from ..errors import ResultsError, ScenarioError, require, writing
+from ..errors import OrchestratorError, ResultsError, ScenarioError, require, writing
+from ..exchange import open_scenario
 from ..results.files import NETCDF, is_finished, load_results, make_folder
 from ..scenario.schema import Given
 from ..scenario.values import read_changes
@@ -211,16 +212,26 @@ def _ended(folder: Path) -> str:
 
 
 def _keep_plan(out: Path, cases: Sequence[Case], command: Sequence[str]) -> None:
-    """Write what the folder is a sweep of, files without their folders, and refuse a folder of another one."""
+    """Write what the folder is a sweep of, files and FMUs without their folders, and refuse a folder of another one."""
     words = [Path(word).name if Path(word).is_absolute() else word for word in command]
-    scenario = digest(Path(command[1])) if Path(command[1]).is_file() else ""
-    plan = {"command": words, "scenario": scenario, "cases": [case.values for case in cases]}
+    fmus = Path(command[command.index("--fmus") + 1])
+    files = {path.name: digest(path) for path in (Path(command[1]), *_fmus_of(Path(command[1]), fmus)) if path.is_file()}
+    plan = {"command": words, "files": files, "cases": [case.values for case in cases]}
     path = out / PLAN
     if path.is_file() and json.loads(path.read_text(encoding="utf-8")) != plan:
         msg = f"{out} holds another sweep. Name another folder with {option('out')}, or remove it."
         raise ResultsError(msg)
     with writing(path, ResultsError):
         write_text(path, json.dumps(plan))
+
+
+def _fmus_of(scenario: Path, fmus: Path) -> list[Path]:
+    """List the FMUs of a scenario; none of one that cannot be read, which its runs say."""
+    try:
+        with open_scenario(scenario) as opened:
+            return [opened.fmu_path(component, fmus) for component in opened.components]
+    except OrchestratorError:
+        return []
 
 
 TABLE, STORE = "cases.csv", "sweep.zarr"

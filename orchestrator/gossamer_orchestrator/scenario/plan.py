@@ -10,12 +10,14 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
+from gossamer_files import MIXED
 from gossamer_files.options import option
 
 from ..errors import FmuError, ScenarioError, check_path, explain_file
 from ..fmi.file import FmuFile
 from ..fmi.types import NUMBERS, TEXTS
 from ..names import matches, split_indices, suggest
+from ..words import first_few
 from .connections import Draft, check_connections, check_groups, check_steps, order_components, warn_of_coupled_exchange
 from .histories import FILE, History, read_histories
 from .schema import Connection, Scenario, Value
@@ -56,13 +58,13 @@ class ComponentPlan:
 
     @property
     def ports(self) -> list[tuple[str, bool, list[str]]]:
-        """What is read together: its type, whether a component receives it, and the names; Reals come first."""
-        ports: dict[tuple[bool, str, bool], list[str]] = {}
+        """What is read together: its type, whether a component receives it, and the names; first Reals without clock."""
+        ports: dict[tuple[bool, str, tuple[int, ...], bool], list[str]] = {}
         for recorded, names in enumerate((self.sent, self.recorded)):
             for name in names:
-                kind = self.fmu.variables[name].type
-                ports.setdefault((kind != "Real", kind, bool(recorded)), []).append(name)
-        return [(kind, not recorded, names) for (_, kind, recorded), names in sorted(ports.items())]
+                kind, clocks = self.fmu.variables[name].type, self.fmu.clocks_of(name)
+                ports.setdefault((kind != "Real" or bool(clocks), kind, clocks, bool(recorded)), []).append(name)
+        return [(kind, not recorded, names) for (_, kind, _, recorded), names in sorted(ports.items())]
 
     @property
     def read(self) -> list[str]:
@@ -183,10 +185,14 @@ def make_plan(scenario: Scenario, fmus: Path, *, strict: bool = False) -> Plan:
 
 
 def _refuse_clocks(component: str, fmu: FmuFile, problems: Problems) -> None:
-    clocks = [v.name for v in fmu.variables.values() if v.type == "Clock"]
-    if clocks:
-        shown = ", ".join(clocks[:4]) + (", ..." if len(clocks) > 4 else "")
-        text = f"FMU {fmu.name!r} has clocks, which this program does not tick: {shown}. Use a version without clocks."
+    """Refuse clocks that others trigger, and time-based ones without the event mode in which alone they tick."""
+    triggered = [name for name, clock in fmu.clocks.items() if clock.intervalVariability == "triggered"]
+    why, advice = "are triggered", "Clocks that tick at times of their own are run: export it with those."
+    if fmu.clocks and not triggered and not fmu.model_exchange and not getattr(fmu.interface, "hasEventMode", False):
+        triggered, why = [*fmu.clocks], "tick in event mode only, which it has not (hasEventMode)"
+        advice = "Export it with event mode, or for model exchange."
+    if triggered:
+        text = f"FMU {fmu.name!r} has clocks that {why}: {first_few(triggered)}. {advice}"
         problems.add(("components", component, "fmu"), text)
 
 
@@ -194,6 +200,10 @@ def _find_files(scenario: Scenario, folder: Path, problems: Problems, *, strict:
     """Read every FMU once, and report a problem with one of them once."""
     found: dict[Path, FmuFile | None] = {}
     files: dict[str, FmuFile] = {}
+    mixed = (folder / MIXED).read_text(encoding="utf-8").split() if (folder / MIXED).is_file() else []
+    if any(component.fmu in mixed for component in scenario.components.values()):
+        text = "a build of %s in %s was killed, so they may be of two builds. Build them again with 'gossamer build'"
+        logger.warning(text, first_few(mixed), folder)
     for name, component in scenario.components.items():
         path = scenario.fmu_path(name, folder)
         place: Location = ("components", name, "fmu")

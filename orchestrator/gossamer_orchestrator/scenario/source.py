@@ -18,7 +18,7 @@ from typing import Any, Literal
 
 from gossamer_files.inputs import keep
 
-from ..errors import OrchestratorError, ScenarioError, check_path, explain_file, writing
+from ..errors import NotFiniteError, OrchestratorError, ScenarioError, check_path, explain_file, writing
 from ..names import suggest
 
 Location = tuple[str | int, ...]
@@ -100,10 +100,12 @@ def _locations(value: Any) -> Iterator[Location]:  # noqa: ANN401
 
 @dataclass
 class Problems:
-    """Mistakes found so far; all of them are reported at once."""
+    """Mistakes found so far; all of them are reported at once, with a note below them if there is one."""
 
     source: Source
     found: list[str] = field(default_factory=list)
+    note: str = ""
+    kind: type[ScenarioError] = ScenarioError
 
     def add(self, location: Location, text: str) -> None:
         """Note a mistake at a key."""
@@ -116,11 +118,15 @@ class Problems:
             yield
         except OrchestratorError as error:
             self.add(location, str(error))
+            self.kind = type(error) if isinstance(error, NotFiniteError) else self.kind
 
     def raise_if_any(self) -> None:
         """Raise ``ScenarioError`` with every mistake on a line of its own."""
         if self.found:
-            raise ScenarioError("\n".join(dict.fromkeys(self.found)))
+            error = self.kind("\n".join(dict.fromkeys(self.found)))
+            if self.note:
+                error.add_note(self.note)
+            raise error
 
 
 LONGEST = 200  # characters of a value in a message

@@ -56,9 +56,8 @@ def _first_outputs(subject: Subject) -> Outcome:
 @check("readable")
 def _readable(subject: Subject) -> Outcome:
     with subject.instance() as one:
-        read = [v for v in subject.variables if v.type != "Clock" and not v.clocks]  # those in an event only
-        unreadable = [v.name for v in read if one.attempt(one.get, v) > WARNING]
-    good = f"All {len(read)} variables can be read after initialization."
+        unreadable = [v.name for v in subject.variables if one.attempt(one.get, v) > WARNING]
+    good = f"All {len(subject.variables)} variables can be read after initialization."
     return none_of(unreadable, "Cannot be read after initialization", good)
 
 

@@ -65,6 +65,8 @@ class Subject:
         As read by FMPy, not validated.
     version : int
         2 or 3.
+    variables : list
+        All but clocks and what belongs to them, which can be read in an event only.
     inputs, parameters, outputs : list
         Real inputs and parameters, and outputs of every type.
     calls : Calls
@@ -86,7 +88,7 @@ class Subject:
         self.log = log
         self.description: Any = fmpy.read_model_description(str(folder), validate=False)
         self.version = int(self.description.fmiVersion[0])
-        self.variables = self.description.modelVariables
+        self.variables = [v for v in self.description.modelVariables if v.type != "Clock" and not v.clocks]
         reals = [v for v in self.variables if v.type in REALS]
         self.inputs = [v for v in reals if v.causality == "input"]
         self.parameters = [v for v in reals if v.causality == "parameter"]
@@ -162,7 +164,7 @@ class InstanceUnderTest:
         two = self.subject.version == 2
         integer = "Integer" if two else "Int64"
         get = getattr(self.slave, f"get{integer if variable.type == 'Enumeration' else variable.type}")
-        count = [] if two or variable.type == "Clock" else [length(variable)]
+        count = [] if two else [length(variable)]
         return list(get([variable.valueReference], *count))
 
     def set(self, variable: Any, values: Sequence[float]) -> None:  # noqa: ANN401

@@ -5,7 +5,22 @@
 typedef struct {
   Core core;
   bool event_mode, early;
+#ifdef CLOCKED
+  bool active[CLOCKED + 1], done[CLOCKED + 1];
+#endif
 } Instance;
+/* Let the clocks that are active tick, once, at the latest when something is read. */
+static void evaluate(Instance *one) {
+#ifdef CLOCKED
+  for (int i = 1; i <= CLOCKED; i++)
+    if (one->active[i] && !one->done[i]) {
+      one->done[i] = true;
+      tick(&one->core.model, i, now(&one->core));
+    }
+#else
+  (void)one;
+#endif
+}
 #define CORE Core *core = &((Instance *)c)->core
 
 const char *fmi3GetVersion(void) { return fmi3Version; }
@@ -96,6 +111,10 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance c, fmi3Boolean *again, fmi3Bool
                                     fmi3Boolean *values, fmi3Boolean *defined, fmi3Float64 *next) {
   CORE;
   if (core->phase != EVENTS) return fmi3Error;
+  evaluate(c);
+#ifdef CLOCKED
+  memset(((Instance *)c)->active, 0, 2 * (CLOCKED + 1));
+#endif
   *values = event(&core->model, now(core));
   if (*values) update(&core->model);
   core->over = ended(&core->model);
@@ -191,12 +210,45 @@ fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance c, fmi3Float64 x[], si
 fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance c, size_t *n) { (void)c; *n = NZ; return fmi3OK; }
 fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance c, size_t *n) { (void)c; *n = NX; return fmi3OK; }
 
+#ifdef CLOCKED
+/* What belongs to a clock may be read and set while it is active, and before the run. */
+static bool hidden(Instance *one, const Variable *v) {
+  int clock = clock_of(v->reference);
+  return clock && one->core.phase > INITIALIZING && !one->active[clock];
+}
+fmi3Status fmi3SetClock(fmi3Instance c, const fmi3ValueReference r[], size_t n, const fmi3Clock on[]) {
+  Instance *one = c;
+  CORE;
+  if (core->phase != EVENTS) return fmi3Error;
+  for (size_t i = 0; i < n; i++) {
+    if (r[i] < 1 || r[i] > CLOCKED || !on[i] || one->active[r[i]]) return fmi3Error;
+    one->active[r[i]] = true;
+  }
+  return fmi3OK;
+}
+fmi3Status fmi3GetIntervalDecimal(fmi3Instance c, const fmi3ValueReference r[], size_t n, fmi3Float64 T[],
+                                  fmi3IntervalQualifier known[]) {
+  CORE;
+  if (core->phase != EVENTS && core->phase != INITIALIZING) return fmi3Error;
+  for (size_t i = 0; i < n; i++) known[i] = interval(&core->model, r[i], T + i);
+  return fmi3OK;
+}
+fmi3Status fmi3GetShiftDecimal(fmi3Instance c, const fmi3ValueReference r[], size_t n, fmi3Float64 s[]) {
+  CORE;
+  if (core->phase != INITIALIZING) return fmi3Error;
+  for (size_t i = 0; i < n; i++) s[i] = shift(&core->model, r[i]);
+  return fmi3OK;
+}
+#else
+static bool hidden(Instance *one, const Variable *v) { (void)one; (void)v; return false; }
+#endif
+
 #define EACH(TYPE, setting, body)                                                       \
   CORE;                                                                                 \
   size_t k = 0;                                                                         \
   for (size_t i = 0; i < n; i++) {                                                      \
     const Variable *found = find(r[i], TYPE);                                           \
-    if (!found || (setting && !may_set(core, found))) return fmi3Error;                 \
+    if (!found || hidden(c, found) || (setting && !may_set(core, found))) return fmi3Error;                 \
     size_t size = many(core, found);                                                    \
     char *place = (char *)&core->model + found->place;                                  \
     if (k + size > m) return fmi3Error;                                                 \
@@ -206,6 +258,7 @@ fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance c, size_t *n) { (void)c;
 #define EXCHANGE(Name, CType, TYPE, read, store)                                                                         \
   fmi3Status fmi3Get##Name(fmi3Instance c, const fmi3ValueReference r[], size_t n, CType v[], size_t m) {                \
     derivatives(&((Instance *)c)->core.model);                                                                           \
+    evaluate(c);                                                                                                         \
     EACH(TYPE, false, read)                                                                                              \
   }                                                                                                                      \
   fmi3Status fmi3Set##Name(fmi3Instance c, const fmi3ValueReference r[], size_t n, const CType v[], size_t m) {          \

@@ -284,6 +284,17 @@ def test_a_complete_run_is_replaced_by_a_complete_one_only(start, whole, end, co
         assert_beginning_of(whole, load_results(run.out))
 
 
+@pytest.mark.parametrize("is_run", [True, False])
+def test_what_a_twin_found_of_earlier_results_goes_with_them_but_no_run_that_is_called_so(fmus, tmp_path, is_run):
+    for name in ("twin.json", "twin/report.html", *["twin/results.nc"] * is_run, "results/report.html"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    text = "step = 0.1\nstop = 0.1\n[components.a]\nfmu = 'integrator'\ninputs = { u = 1 }\n"
+    run_scenario(parse_scenario(text), fmus, tmp_path)
+    there = {name: (tmp_path / name).exists() for name in ("twin.json", "twin/report.html", "results/report.html")}
+    assert there == {"twin.json": False, "twin/report.html": is_run, "results/report.html": True}
+
+
 def test_when_the_process_of_the_run_is_killed_the_program_says_so_and_keeps_the_results(start, whole):
     run = start(STOPS)
     run.wait_at_gate()

@@ -11,6 +11,8 @@ from gossamer_orchestrator import (
     ScenarioError,
     Simulation,
     SimulationError,
+    build_container,
+    export_ssp,
     make_plan,
     parse_scenario,
     run_scenario,
@@ -104,9 +106,19 @@ def test_an_end_within_a_step_leaves_the_results_until_that_step(reference_fmus,
     assert data["time"].values[-1] == 8.0
 
 
-def test_clocks_are_refused_by_name(reference_fmus):
-    with pytest.raises(ScenarioError, match=r"scenario:4: FMU 'Clocks3' has clocks, .* does not tick: clock_in. "):
+def test_triggered_clocks_are_refused_by_name(reference_fmus):
+    with pytest.raises(ScenarioError, match=r"scenario:4: FMU 'Clocks3' has clocks that are triggered: clock_in. Clocks"):
         make_plan(scenario("Clocks3", 0.1, 1.0), reference_fmus)
+
+
+@pytest.mark.parametrize("build", [export_ssp, build_container])
+def test_what_is_rounded_is_not_exported(reference_fmus, build, tmp_path):
+    scenario = converted((2, 2), "Float64_continuous", "Int32", "2.6", "gain = 1.0")
+    scenario = scenario.model_copy(update={"events": []})
+    with pytest.raises(
+        ScenarioError, match=r"'b.Int32_input' is of type Integer,|of type Integer, and a container does not round"
+    ):
+        build(scenario, reference_fmus, tmp_path / ("c.ssp" if build is export_ssp else "c.fmu"))
 
 
 # --- types ---

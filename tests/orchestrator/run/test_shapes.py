@@ -13,7 +13,7 @@ from building import build_fmu
 from gossamer_models import StepModel, Stepper
 from gossamer_models.variables import input_, output
 from gossamer_orchestrator import FmuFile, Simulation, make_plan, parse_scenario, run_scenario
-from gossamer_orchestrator.fmi.instances import start_instance
+from gossamer_orchestrator.fmi.clocks import start_instance
 from gossamer_orchestrator.fmi.shape import read_shape
 from gossamer_orchestrator.results.shapes import SHAPES, UNFINISHED_SHAPES, load_shapes
 from gossamer_orchestrator.run import stream

@@ -90,6 +90,19 @@ def test_a_sweep_gathers_its_cases_and_goes_on_where_it_was_ended(call, tmp_path
     assert str(tmp_path) not in (tmp_path / "out/sweep.json").read_text()  # a folder may move
 
 
+def test_other_fmus_of_the_same_name_make_another_sweep(fmus, tmp_path):
+    (tmp_path / "s.toml").write_text(SCENARIO)
+    (tmp_path / "fmus").mkdir()
+
+    def call(source):
+        (tmp_path / "fmus/integrator.fmu").write_bytes((fmus / source).read_bytes())
+        given = ["--fmus", str(tmp_path / "fmus"), "--out", str(tmp_path / "out"), "--no-pictures", "--set", "one.u=1,2"]
+        return invoke(["sweep", str(tmp_path / "s.toml"), *given])
+
+    assert call("integrator.fmu").exit_code == call("integrator.fmu").exit_code == 0
+    assert "holds another sweep" in call("gain.fmu").stderr
+
+
 def test_a_sweep_draws_a_panel_per_case_of_what_is_asked_for(call, tmp_path):
     done = call("one.u=1,2,3", more=["--plot", "one.y", "--json"])
     assert done.exit_code == 0, done.stderr

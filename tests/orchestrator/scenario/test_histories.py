@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import xarray as xr
+from command_line import invoke
 from gossamer_orchestrator import ScenarioError, load_scenario, make_plan, run_scenario
 from gossamer_orchestrator.fmi.types import definition_of
 from gossamer_orchestrator.scenario.histories import History
@@ -141,6 +142,13 @@ def test_a_file_that_does_not_fit_is_refused_with_its_line(measured, case):
     rows, more, message = REFUSALS[case]
     with pytest.raises(ScenarioError, match=rf"s.toml:\d+: .*{message}"):
         measured(rows, more, act=make_plan)
+
+
+def test_an_input_that_is_not_finite_ends_with_the_exit_code_of_that(measured, fmus, tmp_path):
+    for cell, code in (("inf", 3), ("zero", 1)):
+        with pytest.raises(ScenarioError):
+            measured(f"t,load\n0,0\n9,{cell}\n", act=make_plan)
+        assert invoke(["run", str(tmp_path / "s.toml"), "--fmus", str(fmus), "--out", str(tmp_path)]).exit_code == code
 
 
 def test_a_missing_file_is_refused(measured):
