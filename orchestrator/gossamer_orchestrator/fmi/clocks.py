@@ -33,7 +33,7 @@ PERIODIC = ("constant", "fixed", "tunable")
 
 
 @dataclass(eq=False)
-class Clock:
+class FmuClock:
     """A clock of a running FMU.
 
     Attributes
@@ -61,7 +61,7 @@ class Clock:
     due: Fraction | None = None
 
 
-def read_clocks(fmu: FmuFile) -> list[Clock]:
+def read_clocks(fmu: FmuFile) -> list[FmuClock]:
     """Read the clocks of an FMU; FMPy 0.3.32 leaves out their intervals."""
     with ZipFile(fmu.path) as archive, archive.open("modelDescription.xml") as file:
         root = etree.parse(file).getroot()
@@ -72,7 +72,7 @@ def read_clocks(fmu: FmuFile) -> list[Clock]:
         kind = stated["intervalVariability"]
         interval = _fraction(stated, "interval") if kind in PERIODIC else None
         shift = _fraction(stated, "shift") or Fraction(0) if interval else Fraction(0)
-        clocks.append(Clock(stated["name"], int(stated["valueReference"]), kind, interval, shift, asked=interval is None))
+        clocks.append(FmuClock(stated["name"], int(stated["valueReference"]), kind, interval, shift, asked=interval is None))
     return clocks
 
 
@@ -162,7 +162,7 @@ class Clocked(Instance3):
             self._leave_events()
         return done
 
-    def _due(self) -> list[Clock]:
+    def _due(self) -> list[FmuClock]:
         return [clock for clock in self._clocks if clock.due is not None and self._is_at(self._reached, float(clock.due))]
 
     def _update(self) -> bool:
@@ -203,7 +203,7 @@ class Clocked(Instance3):
             if port not in waiting:
                 self._take(port)
 
-    def _ask(self, clock: Clock, now: Fraction) -> None:
+    def _ask(self, clock: FmuClock, now: Fraction) -> None:
         """Ask for the interval of a clock, relative to the time of the present event [s]."""
         interval, qualifier = (ctypes.c_double * 1)(), (ctypes.c_int * 1)()
         self._query(clock, "interval", "getIntervalDecimal", interval, qualifier)
@@ -217,7 +217,7 @@ class Clocked(Instance3):
         if periodic:
             clock.interval = Fraction(repr(T))
 
-    def _query(self, clock: Clock, what: str, method: str, *places: object) -> None:
+    def _query(self, clock: FmuClock, what: str, method: str, *places: object) -> None:
         """Let the FMU write what is asked of a clock into some places."""
         failure = f"did not give the {what} of its clock {clock.name!r}"
         self._call(failure, method, (ctypes.c_uint32 * 1)(clock.reference), *places)
