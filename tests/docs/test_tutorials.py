@@ -116,8 +116,13 @@ def test_debris_is_felt_by_the_attitude_seen_by_the_watch_and_measured_by_the_tw
     monkeypatch.chdir(tmp_path)
     names = walk("debris.md", tmp_path)
     assert 2.0 < names["after"] / names["quiet"] < 6.0
-    (alarm,) = json.loads((tmp_path / "out/watch.json").read_text(encoding="utf-8"))["alarms"]
+    watch = json.loads((tmp_path / "out/watch.json").read_text(encoding="utf-8"))
+    (alarm,) = watch["alarms"]
     assert 0.075 < alarm < 0.085
+    (finding,) = watch["findings"]
+    damage = dict(zip(finding["zones"], finding["damage"], strict=True))
+    assert max(damage, key=damage.get) == "ring 2 sector 1"
+    assert 0.22 < damage["ring 2 sector 1"] < 0.30
     assert names["answer"]["valid"]
     assert list(names["found"]) == ["ring 2 sector 1"]
     assert names["found"]["ring 2 sector 1"] == pytest.approx(25.0, abs=1.0)

@@ -7,6 +7,7 @@ from flight import get
 from gossamer_models import Stepper
 from gossamer_models.membrane import (
     Beam,
+    Built,
     Cable,
     Equilibrium,
     Linearised,
@@ -299,6 +300,7 @@ def test_lines_are_the_same_read_back_and_finer_with_a_finer_mesh():
 
 
 PATH = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+AS_DRAWN = Built(centre=(0.0, 0.0, 0.0), size=1.0, coefficients=(0.0,))
 
 
 @pytest.mark.parametrize(
@@ -312,6 +314,16 @@ PATH = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
         (Beam(name="a", path=PATH, clamped=("patch",), **TUBE), {}, "no end of the beam is in the group 'patch'"),
         (Cable(name="a", path=(PATH[0], PATH[0]), **ROPE), {}, "two places of it in a row are one"),
         (Cable(name="patch", path=PATH, **ROPE), {}, "there is a group 'patch' already"),
+        (
+            Cable(name="a", path=(PATH[0], (-0.95, 0.05, 0.0)), **ROPE),
+            {},
+            "is on the surface, but at no corner of an element",
+        ),
+        (
+            Cable(name="a", path=PATH, **ROPE),
+            {"built": Built(centre=(0.0, 0.0, 0.0), size=1.0, coefficients=(0.0,))},
+            "Name groups of nodes in 'path'",
+        ),
         (Cable(name="a", path=PATH, **ROPE), {"inplane_mass": 9.0}, "Leave out 'inplane_mass'"),
         (Cable(name="a", path=PATH, **ROPE), {"masses": (PointMass(group="b", mass=1.0),)}, "no group 'b' of nodes"),
     ],
@@ -320,6 +332,15 @@ def test_lines_that_do_not_fit_are_refused(line, more, message):
     table = {"cables" if isinstance(line, Cable) else "beams": (line,)}
     with pytest.raises(DescriptionError, match=message):
         beside_a_patch(**table, **more)
+
+
+def test_a_clamp_holds_the_beam_that_has_it_and_no_other_along_the_same_edge():
+    beams = Beam(name="held", group="side0", clamped=("left",), **TUBE), Beam(name="hinged", group="side0", **TUBE)
+    held = Support(group="left"), Support(group="right")
+    both, alone = (strip(supports=held, beams=each) for each in (beams, beams[1:]))
+    assert [len(each.mesh.clamped) for each in (both, alone)] == [1, 0]
+    (_, bent), (_, of_hinged) = both.lines, alone.lines
+    assert np.sum(bent.line == 1) == len(of_hinged.nodes) == np.sum(bent.line == 0) - 1
 
 
 @pytest.mark.parametrize(

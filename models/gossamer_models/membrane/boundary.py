@@ -11,10 +11,12 @@ from scipy.sparse.csgraph import connected_components
 from ..arrays import Vector
 from ..mistakes import Mistake, raise_any
 from .element import derivative_matrix, lobatto_points
-from .gauges import place_matrix
+from .gauges import place_matrix, shape_functions
 from .geometry import Geometry
 from .setup import Load, Setup, Support
 from .surface import SurfaceMesh, sides_of
+
+LATTICE = 8  # places along a side of an element where a force around a point is summed
 
 
 def free_displacements(setup: Setup, mesh: SurfaceMesh) -> NDArray[np.bool_]:
@@ -56,9 +58,9 @@ def loose(mesh: SurfaceMesh, free: NDArray[np.bool_]) -> Iterator[Mistake]:
         motions = [np.broadcast_to(axis, X.shape) for axis in np.eye(3)]
         motions += [np.cross(axis, X) / mesh.size for axis in np.eye(3)]
         rigid = np.stack(motions, axis=-1)
-        sizes, moves = np.linalg.eigh(np.einsum("nij,nik->jk", rigid, rigid))
-        is_motion = sizes > 1e-18 * len(X)  # a straight line has none about itself
-        moves = np.eye(6) if is_motion.all() else moves[:, is_motion]
+        _, sizes, moves = np.linalg.svd(rigid.reshape(-1, 6), full_matrices=False)
+        is_motion = sizes > 1e-9 * sizes[0]  # a straight line has none about itself
+        moves = np.eye(6) if np.sum(is_motion) == 6 else moves[is_motion].T
         A = rigid[held[sheet == k]] @ moves
         strengths, modes = np.linalg.eigh(A.T @ A)
         modes = moves @ modes
@@ -153,7 +155,7 @@ def unit_force(load: Load, mesh: SurfaceMesh, measured: list[Geometry]) -> Vecto
     if load.kind == "force":
         along = np.array(load.direction) / np.linalg.norm(load.direction)
         if load.point is not None:
-            return np.outer(_around(load, mesh, measured), along).ravel()
+            return np.outer(_around(load, mesh), along).ravel()
         force[np.unique(np.concatenate([mesh.points[group] for group in load.groups]))] = along
         return force.ravel()
     acts = members_of(mesh, load.groups)
@@ -162,13 +164,16 @@ def unit_force(load: Load, mesh: SurfaceMesh, measured: list[Geometry]) -> Vecto
     return force.ravel()
 
 
-def _around(load: Load, mesh: SurfaceMesh, measured: list[Geometry]) -> Vector:
+def _around(load: Load, mesh: SurfaceMesh) -> Vector:
     """Return the share of each node in a force at a point, by the area of what lies near; of one place without a radius."""
-    near = np.linalg.norm(mesh.nodes - np.array(load.point), axis=1) <= load.radius
-    if not near.any():
-        return np.asarray(place_matrix(mesh, np.array([load.point]))[0])
-    areas = np.zeros((len(mesh.nodes), 3))
-    for block, found in zip(mesh.blocks, measured, strict=True):
-        np.add.at(areas, block.elements, found.node_normals)
-    shares = near * np.linalg.norm(areas, axis=1)
-    return np.asarray(shares / shares.sum())
+    shares, side = np.zeros(len(mesh.nodes)), (np.arange(LATTICE) + 0.5) / LATTICE
+    for block in mesh.blocks:
+        s, t = (each.ravel() for each in np.meshgrid(side, side))
+        st = np.column_stack([s, t])[s + t < 1.0] if block.order == 0 else 2.0 * np.column_stack([s, t]) - 1.0
+        N, D = (np.array(each) for each in zip(*(shape_functions(block.order, place) for place in st), strict=True))
+        X = mesh.nodes[block.elements]
+        along = np.einsum("pmk,emi->epki", D, X)
+        areas = np.linalg.norm(np.cross(along[:, :, 0], along[:, :, 1]), axis=2)
+        near = np.linalg.norm(N @ X - np.array(load.point), axis=2) <= load.radius
+        np.add.at(shares, block.elements, (areas * near) @ N)
+    return shares / shares.sum() if shares.any() else np.asarray(place_matrix(mesh, np.array([load.point]))[0])

@@ -128,7 +128,8 @@ def beside(mesh: SurfaceMesh, normals: Vector, sensor: Sensor, by: float, way: i
     """Return a sensor beside its place [m], along its direction or, for a way of 1, across it."""
     if sensor.line and way == 1:  # there is nothing across
         return sensor
-    node = int(np.argmin(np.linalg.norm(mesh.nodes - np.array(sensor.point), axis=1)))
+    away = np.linalg.norm(mesh.nodes - np.array(sensor.point), axis=1)
+    node = int(np.argmin(np.where(normals.any(axis=1), away, np.inf)))  # of a face: nodes of lines alone have no normal
     along = np.array(sensor.direction) / np.linalg.norm(sensor.direction)
     step = along if way == 0 else np.cross(normals[node], along)
     x, y, z = (np.array(sensor.point) + by * step / np.linalg.norm(step)).tolist()

@@ -238,9 +238,9 @@ def with_lines(tables: Mapping[str, Sequence[Line]], mesh: SurfaceMesh) -> Surfa
     n = 1 + max(int(block.elements.max()) for block in mesh.blocks)  # of faces
     nodes, points = [*mesh.nodes[:n]], {name: rows[rows < n] for name, rows in mesh.points.items()}
     laid: dict[str, Integers] = {}
-    clamped: list[tuple[int, int, int]] = []
+    clamped: list[tuple[int, int, int, int]] = []
     mistakes: list[Mistake] = []
-    for table, i, line in lines:
+    for number, (table, i, line) in enumerate(lines):
         try:
             if line.name in laid or line.name in mesh.faces or line.name in mesh.sides:
                 text = f"there is a group {line.name!r} already. Give each its own name."
@@ -259,11 +259,11 @@ def with_lines(tables: Mapping[str, Sequence[Line]], mesh: SurfaceMesh) -> Surfa
                 _refuse("path", "two places of it in a row are one. Leave out one of them.")
             laid[line.name], points[line.name] = pairs, np.unique(pairs)
             for group in getattr(line, "clamped", ()):
-                clamped += _clamps(group, pairs, nodes, points)
+                clamped += [(*each, number) for each in _clamps(group, pairs, nodes, points)]
         except DescriptionError as error:
             mistakes += [Mistake((table, i, *mistake.place), *mistake[1:]) for mistake in error.mistakes]
     raise_any(mistakes)
-    held = np.array(clamped, dtype=np.int64).reshape(-1, 3)
+    held = np.array(clamped, dtype=np.int64).reshape(-1, 4)
     return replace(mesh, nodes=np.array(nodes), points=points, lines=laid, clamped=held)
 
 
@@ -313,6 +313,14 @@ def _clamps(group: str, pairs: Integers, nodes: list[Vector], points: dict[str, 
         yield len(nodes) - 1, end, inner
 
 
+def point_masses(masses: Sequence[PointMass], mesh: SurfaceMesh) -> Vector:
+    """Return the point masses at each node [kg], shape (N,)."""
+    found = np.zeros(len(mesh.nodes))
+    for each in masses:
+        found[mesh.points[each.group]] += each.mass / len(mesh.points[each.group])
+    return found
+
+
 def line_masses(lines: Sequence[Line], mesh: SurfaceMesh) -> Vector:
     """Return the mass of lines at each node [kg], shape (N,)."""
     mass = np.zeros(len(mesh.nodes))
@@ -347,7 +355,12 @@ def line_parts(lines: Sequence[Line], mesh: SurfaceMesh, mass: Vector, free: NDA
     own, slope = np.column_stack([EA, L, slack]), np.ones(at.shape)
     segments = _part(at, of, own, EA / L, slope, mass, free)
 
-    bends = [_bends(pairs if isinstance(line, Beam) else pairs[:0], mesh) for line, pairs in zip(lines, nodes, strict=True)]
+    bends = [
+        _bends(pairs, mesh.clamped[mesh.clamped[:, 3] == k])
+        if isinstance(line, Beam)
+        else pairs[:0].repeat(2, axis=1)[:, :3]
+        for k, (line, pairs) in enumerate(zip(lines, nodes, strict=True))
+    ]
     of, at = np.repeat(np.arange(len(lines)), [len(each) for each in bends]), np.concatenate(bends)
     a, b = (np.linalg.norm(mesh.nodes[at[:, i + 1]] - mesh.nodes[at[:, i]], axis=1) for i in (0, 1))
     EI = np.array([line.youngs_modulus * line.second_moment if isinstance(line, Beam) else 0.0 for line in lines])[of]
@@ -381,10 +394,9 @@ def _segments(line: Line, mesh: SurfaceMesh) -> tuple[Integers, Vector, Vector]:
     return pairs, drawn, share * drawn
 
 
-def _bends(pairs: Integers, mesh: SurfaceMesh) -> Integers:
+def _bends(pairs: Integers, clamped: Integers) -> Integers:
     """Return the nodes of each bend of a line, the one that bends in the middle; first those behind clamped ends."""
-    sides = {frozenset(pair) for pair in pairs.tolist()}
-    found = [tuple(row) for row in mesh.clamped.tolist() if frozenset(row[1:]) in sides]
+    found = [tuple(row) for row in clamped[:, :3].tolist()]
     for node in np.flatnonzero(np.bincount(pairs.ravel()) == 2).tolist():
         one, other = pairs[(pairs == node).any(axis=1)]
         found.append((int(one.sum()) - node, node, int(other.sum()) - node))

@@ -540,6 +540,11 @@ class Setup:
         if self.directional and not self.zones:
             text = "shares of the stiffness are those of zones, and there are none. Write [[zones]], or leave it out."
             yield Mistake(("directional",), text)
+        if self.built and any(not isinstance(place, str) for line in self.lines for place in line.path):
+            text = (
+                "nodes of the surface as it was built leave the places of cables and beams. Name groups of nodes in 'path'."
+            )
+            yield Mistake(("built",), text)
         if self.lines and self.inplane_mass > 1.0:
             text = "cables and beams move with their true mass in all directions. Leave out 'inplane_mass'."
             yield Mistake(("inplane_mass",), text)

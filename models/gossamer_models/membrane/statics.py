@@ -22,6 +22,7 @@ from ..step_model import StepModel
 from ..variables import by_name
 from .assembly import MembraneEquations
 from .newton import STALLED, Known, Newton, column
+from .setup import LEFT
 from .structure import Structure
 
 KEPT = 64  # equilibria
@@ -122,6 +123,15 @@ class Equilibrium:
         p_rows, u_rows, y_rows = model.slices()
         self._table = CaseTable(model=model.name, parameters=model.variables[p_rows], inputs=model.variables[u_rows])
         self._damages = [i for i, name in enumerate(model.names[u_rows]) if name.startswith("damage[")]
+        self._left = [i for i, name in enumerate(model.names[u_rows]) if name.partition("[")[0] in LEFT]
+        tables = model.variables[u_rows], model.variables[p_rows]
+        self._limits = [
+            [
+                np.array([bound if (bound := getattr(v, end)) is not None else without for v in table])
+                for end, without in (("minimum", -np.inf), ("maximum", np.inf))
+            ]
+            for table in tables
+        ]
 
         u, p, q = arguments = [ca.MX.sym(name, rest.begin.size1_in(i)) for i, name in enumerate("upq")]
         inputs, parameters = by_name(model.variables[u_rows], u), by_name(model.variables[p_rows], p)
@@ -231,7 +241,8 @@ class Equilibrium:
             unit = np.exp2(np.frexp(np.maximum(np.abs(values), np.abs(start)))[1] - ROUNDED)
             rounded.append(start + np.round((values - start) / unit) * unit)
         rounded[0][self._damages] = np.floor(DAMAGES * u[self._damages]) / DAMAGES
-        return self._known(*rounded)
+        rounded[0][self._left] = np.ceil(DAMAGES * u[self._left]) / DAMAGES  # shares of a stiffness
+        return self._known(*(np.clip(values, *limits) for values, limits in zip(rounded, self._limits, strict=True)))
 
     def _known(self, u: Vector, p: Vector) -> Known | None:
         """Return an equilibrium, kept or found: from that of the undamaged membrane, and that from the start values."""

@@ -24,7 +24,7 @@ from .element import Element
 from .gauges import Gauge, moved_gauge, nearest_place, place_matrix
 from .geometry import Geometry, geometry, stiffest, values
 from .interface import mesh_variables
-from .lines import LineParts, halved, line_masses, line_parts, with_lines
+from .lines import LineParts, halved, line_masses, line_parts, point_masses, with_lines
 from .paraboloid import BestFit, best_fits
 from .setup import MAX_ORDER, MOST_REFINED, Setup
 from .surface import Integers, SurfaceMesh, refined, sides_of
@@ -261,13 +261,12 @@ class Structure:
             mesh = replace(mesh, faces=mesh.faces | groups)
         order = self.setup.order + 2 * raised
         setup = replace(self.setup, order=order, zones=zones, refine=0)
-        if not raised:
-            setup = replace(setup, beams=tuple(map(halved, setup.beams)), cables=tuple(map(halved, setup.cables)))
+        setup = replace(setup, beams=tuple(map(halved, setup.beams)), cables=tuple(map(halved, setup.cables)))
         found = make_structure(setup, refined(mesh, order, quarters=not raised))
         forces = dict(found.unit_forces)
         for load in setup.loads:
             if load.kind == "force" and load.point is None:
-                shares = found.mass * forces[load.name].reshape(-1, 3).any(axis=1)
+                shares = (found.mass - point_masses(setup.masses, found.mesh)) * forces[load.name].reshape(-1, 3).any(axis=1)
                 whole = self.unit_forces[load.name].reshape(-1, 3).sum(axis=0)
                 forces[load.name] = np.outer(shares / shares.sum(), whole).ravel()
         setup = replace(setup, refine=min(self.setup.refine + (not raised), MOST_REFINED))
@@ -307,7 +306,7 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
     for _ in range(setup.refine):
         mesh = refined(mesh, setup.order)
     mesh = with_lines({"beams": setup.beams, "cables": setup.cables}, mesh)
-    raise_any([*_lacking(setup, mesh), *_hit(setup, mesh)])
+    raise_any([*_lacking(setup, mesh), *_hit(setup, mesh), *_detached(setup, mesh)])
     region = _regions(setup, mesh)
     if np.any(region < 0):
         text = (
@@ -334,11 +333,10 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
         np.add.at(stiffness, block.elements, found.node_areas * (high * D[region[block.faces]])[:, None])
         np.add.at(normals, block.elements, found.node_normals)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
-    added = line_masses(setup.lines, mesh)
-    for each in setup.masses:
-        added[mesh.points[each.group]] += each.mass / len(mesh.points[each.group])
+    of_lines, added = line_masses(setup.lines, mesh), point_masses(setup.masses, mesh)
+    free, sprung = free_displacements(setup, mesh), springs(setup, mesh, mass + of_lines)
+    added += of_lines
     mass += added
-    free, sprung = free_displacements(setup, mesh), springs(setup, mesh, mass)
     raise_any([*loose(mesh, free & ~sprung.any(axis=0)), *leaking(setup, mesh, free, encloses)])
     drawn = np.array([setup.supports[i].stiffness for i in setup.springs])
     stiffness += (drawn @ sprung).reshape(-1, 3).max(axis=1)
@@ -448,6 +446,26 @@ def _hit(setup: Setup, mesh: SurfaceMesh) -> Iterator[Mistake]:
         if away > max(_FAR * mesh.size, load.radius):
             text = f"load {load.name!r} at {list(load.point)} m is away from the surface by {away:.3g} m. Move it there."
             yield Mistake(("loads", i, "point"), text)
+
+
+def _detached(setup: Setup, mesh: SurfaceMesh) -> Iterator[Mistake]:
+    """Find places of lines on the surface where no corner of an element holds them: another mesh would not, either."""
+    ends = (0, -1)
+    corners = [
+        block.elements
+        if block.order == 0
+        else block.elements.reshape(-1, block.order + 1, block.order + 1)[:, ends][:, :, ends]
+        for block in mesh.blocks
+    ]
+    held = mesh.nodes[np.unique(np.concatenate([each.ravel() for each in corners]))]
+    for table, lines in (("beams", setup.beams), ("cables", setup.cables)):
+        for i, line in enumerate(lines):
+            for place in line.path:
+                if isinstance(place, str) or np.linalg.norm(held - place, axis=1).min() <= _FAR * mesh.size:
+                    continue
+                if np.linalg.norm(nearest_place(mesh, np.array(place))[0] - place) <= _FAR * mesh.size:
+                    text = f"{list(place)} m is on the surface, but at no corner of an element. Mesh one there."
+                    yield Mistake((table, i, "path"), text)
 
 
 def _gauges(setup: Setup, mesh: SurfaceMesh, normals: Vector) -> Iterator[Gauge]:

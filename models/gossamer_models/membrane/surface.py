@@ -68,8 +68,8 @@ class SurfaceMesh:
         Sides of a group of edges by its name: nodes along each, shape (sides, order + 1).
     lines : dict
         Segments of a cable or beam by its name, shape (n, 2); their nodes that no face has are the last.
-    clamped : ndarray of int, shape (k, 3)
-        Of ends that keep their direction: a node behind each, the end, and the next one.
+    clamped : ndarray of int, shape (k, 4)
+        Of ends that keep their direction: a node behind each, the end, the next one, and the number of the line.
     """
 
     name: str
@@ -79,7 +79,7 @@ class SurfaceMesh:
     points: dict[str, Integers]
     sides: dict[str, Integers]
     lines: dict[str, Integers] = field(default_factory=dict)
-    clamped: Integers = field(default_factory=lambda: np.zeros((0, 3), dtype=np.int64))
+    clamped: Integers = field(default_factory=lambda: np.zeros((0, 4), dtype=np.int64))
 
     @property
     def n_faces(self) -> int:

@@ -95,13 +95,14 @@ class Parted:
             mesh, zone = refined(mesh, order), np.repeat(zone, 4)
         at = np.concatenate([mesh.nodes[block.elements].mean(axis=1) for block in mesh.blocks])
         groups = {f"zone {k}": np.flatnonzero(zone == k) for k in range(structure.n_zones)}
+        film = mesh.nodes[np.unique(np.concatenate([block.elements.ravel() for block in mesh.blocks]))]
         self._axes = [k for k in range(3) if np.ptp(at[:, k]) > 0.1 * mesh.size]
         pressed = next((load for load in structure.setup.loads if load.kind == "pressure"), None)
         loads = list[Load]()
         self._pressure, self._strips = None if pressed is None else pressed.name, list[dict[str, float]]()
         acts = members_of(mesh, pressed.groups if pressed is not None else ())
         for axis in self._axes if pressed is not None else ():
-            low, high = mesh.nodes[:, axis].min(), mesh.nodes[:, axis].max()
+            low, high = film[:, axis].min(), film[:, axis].max()
             strip = np.minimum((STRIPS * (at[:, axis] - low) / (high - low)).astype(int), STRIPS - 1)
             names = [f"strip_{axis}_{k}" for k in range(STRIPS)]
             groups |= {name: np.flatnonzero(acts & (strip == k)) for k, name in enumerate(names)}

@@ -79,7 +79,7 @@ def read_clocks(fmu: FmuFile) -> list[FmuClock]:
 def _fraction(stated: Mapping[str, str], what: str) -> Fraction | None:
     """Return an interval or a shift that a model description states, as a fraction if it does."""
     if f"{what}Counter" in stated and "resolution" in stated:
-        return Fraction(int(stated[f"{what}Counter"]), int(stated["resolution"]))
+        return Fraction(int(stated[f"{what}Counter"]), int(stated["resolution"]) or 1)
     return Fraction(stated[f"{what}Decimal"]) if f"{what}Decimal" in stated else None
 
 
@@ -121,6 +121,12 @@ class Clocked(Instance3):
                 shift = (ctypes.c_double * 1)()
                 if clock.asked:
                     self._query(clock, "shift", "getShiftDecimal", shift)
+                if not (
+                    math.isfinite(shift[0])
+                    and shift[0] + clock.shift >= 0
+                    and (clock.interval is None or clock.interval > 0)
+                ):
+                    self._fail(f"gives its clock {clock.name!r} no interval above 0 s and no shift of 0 s or more")
                 clock.due = self._start + clock.shift + Fraction(repr(shift[0]))
         super().exit_initialization()
 
@@ -209,12 +215,12 @@ class Clocked(Instance3):
         self._query(clock, "interval", "getIntervalDecimal", interval, qualifier)
         periodic = clock.kind in PERIODIC
         if qualifier[0] != _CHANGED and not (periodic and clock.interval is None):
-            return
+            return  # one that changes goes on with the last interval
         T = interval[0]
         if not math.isfinite(T) or T < 0.0 or (periodic and T == 0.0):
             self._fail(f"gives its clock {clock.name!r} the interval {T:.9g} s at t = {self._reached:.9g} s")
         clock.due = now + Fraction(repr(T))
-        if periodic:
+        if periodic or clock.kind == "changing":
             clock.interval = Fraction(repr(T))
 
     def _query(self, clock: FmuClock, what: str, method: str, *places: object) -> None:

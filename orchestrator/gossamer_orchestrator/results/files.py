@@ -188,7 +188,7 @@ def has_rows(path: Path) -> bool:
 
 
 def _load_netcdf(path: Path) -> xr.Dataset:
-    """Read a netCDF file whole: what xarray does, without what that needs for every one of ten thousand variables."""
+    """Read a netCDF file that we wrote whole: as xarray does, without what that needs for each of ten thousand variables."""
     import xarray as xr
     from scipy.io import netcdf_file
 
