@@ -168,18 +168,14 @@ def _mathematics(model: StepModel, bits: FloatBits) -> tuple[str, str, dict[str,
     code, size = _without_holes(code, model)
     code = _INDEX.sub(r"casadi_index(\1)", _LOW.sub(r"  (void)lookup_mode; /* always 0 */\n\1", code))
     code = code.replace("= casadi_low(", "= (casadi_real)casadi_low(")
-    code = re.sub(
-        r"^(static int casadi_f\d+\(.*\{)$",
-        r"\1\n (void)arg, (void)res, (void)iw, (void)w, (void)mem;",
-        code,
-        flags=re.MULTILINE,
-    )
+    code = _BEGIN.sub(r"\1\n (void)arg, (void)res, (void)iw, (void)w, (void)mem;", code)
     if bits == 32:
         code = _NUMBER.sub(lambda found: f"{_in_float(float(found[1]))!r}f", code)
     bodies = {found[2]: found[0] for found in _FUNCTION.finditer(code)}
     stepping = "".join(body for name, body in bodies.items() if name != names["init"])
-    of_step: list[tuple[int, str, Vector | None]] = []  # words, line of the table, numbers if they are reals
-    of_init: list[tuple[int, str, Vector | None]] = []
+    _check_rewritten(code, len(bodies))
+    of_step: list[tuple[int, str, bytes, bool]] = []  # words, line of the table, content, whether they are reals
+    of_init: list[tuple[int, str, bytes, bool]] = []
     checksum = 0
     for kind, name, count, values in _LIST.findall(code):
         is_real = kind == "casadi_real"
@@ -190,23 +186,25 @@ def _mathematics(model: StepModel, bits: FloatBits) -> tuple[str, str, dict[str,
         words = np.frombuffer(numbers.tobytes(), dtype="<u4")
         folded = int(np.bitwise_xor.reduce(words))
         line = f" {{{name}, {words.size}U, {int(is_real)}, 0x{folded:08x}U}},"
-        (of_step if re.search(rf"\b{name}\b", stepping) else of_init).append(
-            (words.size, line, numbers if is_real else None)
-        )
-    for _, _, reals in of_step + of_init:
-        checksum = checksum if reals is None else zlib.crc32(reals.tobytes(), checksum)
+        (of_step if re.search(rf"\b{name}\b", stepping) else of_init).append((words.size, line, numbers.tobytes(), is_real))
+    of_step.sort(key=lambda entry: entry[-1])  # indices first
+    for _, _, content, _ in of_step + of_init:
+        checksum = zlib.crc32(content, checksum)
+    reals = sum(is_real for *_, is_real in of_step)
     code = _LIST.sub(lambda found: found[0].replace("static const", "static COMPONENT_CONST", 1), code)
     few = sum(words for words, *_ in of_step) <= _MOST_WORDS
     table = [
         f"#define COMPONENT_N_LISTS {len(of_step + of_init)}U",
         f"#define COMPONENT_N_STEP_LISTS {len(of_step)}U",
-        f"#define COMPONENT_LISTS_PER_STEP {len(of_step) if few else 1}U",
+        f"#define COMPONENT_N_INDEX_LISTS {len(of_step) - reals}U",
+        f"#define COMPONENT_N_REAL_LISTS {reals}U",
+        f"#define COMPONENT_LISTS_PER_STEP {reals if few else 1}U",
         f"#define COMPONENT_CONSTANTS_CRC 0x{checksum:08x}U",
         f"#define COMPONENT_INIT {names['init']}",
         f"#define COMPONENT_STEP {names['step']}",
-        "/* those that a step reads first, then those of init alone */",
+        "/* those that a step reads first, indices before reals, then those of init alone */",
         "static const component_list COMPONENT_LISTS[COMPONENT_N_LISTS] = {",
-        *(line for _, line, _ in of_step + of_init),
+        *(line for _, line, *_ in of_step + of_init),
         "};",
     ]
     head = [
@@ -230,6 +228,14 @@ def _mathematics(model: StepModel, bits: FloatBits) -> tuple[str, str, dict[str,
         "W": max(1, size),
     }
     return "\n".join(head) + code, "\n".join(table), sizes
+
+
+def _check_rewritten(code: str, bodies: int) -> None:
+    """Refuse code in which a cast to an index or a function was not recognised."""
+    written = len(re.findall(r"^static int casadi_f\d+\([^;]*\{$", code, re.MULTILINE))
+    if re.search(r"\((?:casadi_)?int\)", code) or bodies != written:
+        msg = f"CasADi wrote a cast or a function that is not known ({bodies} of {written}); its generator must have changed"
+        raise RuntimeError(msg)
 
 
 def _in_float(value: float) -> float:
@@ -297,13 +303,17 @@ def _range(v: Variable) -> str:
     return f"{'any' if low is None else f'{low:g}'} to {'any finite number' if high is None else f'{high:g}'}"
 
 
+def _comment(text: str) -> str:
+    return text.replace("*/", "* /")
+
+
 def _header(model: StepModel, sizes: dict[str, int], bits: FloatBits) -> str:
     """Write the interface."""
     real = "float" if bits == 32 else "double"
     parameters, inputs, results = (model.variables[part] for part in model.slices())
     version = int(model.digest[:8], 16) ^ bits
     lines = [
-        f"/* {model.name}: {model.description.replace('*/', '* /')}. Written by gossamer flight; see INTERFACE.md. */",
+        f"/* {model.name}: {_comment(model.description)}. Written by gossamer flight; see INTERFACE.md. */",
         "#ifndef COMPONENT_H",
         "#define COMPONENT_H",
         "",
@@ -328,12 +338,14 @@ def _header(model: StepModel, sizes: dict[str, int], bits: FloatBits) -> str:
         for name, count, v in _fields(variables):
             size = f"[{count}]" if count > 1 or v.name.endswith("]") else ""
             start = "" if v.start is None else f"; starts at {v.start:g}"
-            lines.append(f"  component_real {name}{size}; /* [{v.unit}] {v.description}; {_range(v)}{start} */")
+            lines.append(f"  component_real {name}{size}; /* [{v.unit}] {_comment(v.description)}; {_range(v)}{start} */")
         if what == "inputs":
             lines += ["  uint32_t sequence; /* number of the sample, one more each period */"]
         if what == "outputs":
             lines += ["  uint32_t sequence; /* of the last sample that was used */", "  uint32_t health; /* of this step */"]
-        lines += [*["  uint32_t crc;"] * (what != "parameters"), f"}} component_{what};", ""]
+        if what != "parameters":
+            lines += ["  uint32_t crc;"]
+        lines += [f"}} component_{what};", ""]
     lines += [
         "/* counts since init; they stop at their largest value */",
         *(f"#define COMPONENT_COUNT_{each} {k}" for k, each in enumerate(_COUNTS)),
@@ -361,13 +373,15 @@ def _header(model: StepModel, sizes: dict[str, int], bits: FloatBits) -> str:
         f"  component_real w[{sizes['W']}];",
         "} component_work;",
         "",
-        f'_Static_assert(sizeof(component_real) == {bits // 8}U, "the width of numbers");',
-        '_Static_assert(sizeof(int) == 4U, "the width of indices");',
-        f'_Static_assert(sizeof(component_parameters) == {len(parameters) * bits // 8}U, "no gaps");',
-        "",
         *_starts("parameters", parameters, bits),
         *_starts("inputs", inputs, bits),
+        "#ifdef __cplusplus",
+        'extern "C" {',
+        "#endif",
         *_PROTOTYPES,
+        "#ifdef __cplusplus",
+        "}",
+        "#endif",
         *_copies("parameters", parameters),
         *_copies("inputs", inputs),
         *_copies("outputs", results),
@@ -406,7 +420,8 @@ uint32_t component_init(component *c, const component_parameters *p, component_r
 /* Advance to a sample and write the results; those of the last step where it cannot be used. Returns health. */
 uint32_t component_step(component *c, const component_inputs *u, component_outputs *y, component_work *w);
 
-/* Health of the last step, or COMPONENT_LOST where the state has been damaged since. Changes nothing. */
+/* Health of the last step; COMPONENT_HEALED too where one copy of the state has been damaged since, COMPONENT_LOST where
+   both have. Changes nothing. */
 uint32_t component_health(const component *c);
 
 /* Write the CRC of a sample, where it is measured. */
@@ -415,11 +430,12 @@ void component_seal(component_inputs *u);
 /* Whether results are as they were written. */
 bool component_is_sealed(const component_outputs *y);
 
-/* Copy the state for a warm start; false if it is damaged. */
+/* Copy the state for a warm start; false if both copies of it are damaged. */
 bool component_save(const component *c, component_block *saved);
 
-/* Begin from a saved state. Returns its health; COMPONENT_LOST if it is damaged or of another model. */
-uint32_t component_restore(component *c, const component_block *saved);
+/* Begin from a saved state, whose strain has not changed since, with the number of the present sample. Returns its health;
+   COMPONENT_LOST if it is damaged or of another model. */
+uint32_t component_restore(component *c, const component_block *saved, uint32_t sequence);
 
 /* Whether all constants are as they were compiled, by their CRC: slow, for a background task. */
 bool component_constants_hold(void);
@@ -466,7 +482,7 @@ def _table(model: StepModel, lists: str, bits: FloatBits, limit: int | None) -> 
         f"#define COMPONENT_BITS uint{bits}_t",
         f"#define COMPONENT_LARGEST {largest}",
         f"#define COMPONENT_STEP_LIMIT {-1 if limit is None else limit}",
-        f"#define COMPONENT_NEARLY_ONE {_number(1.0 - 1e-12, bits)}",
+        f"#define COMPONENT_NEARLY_ONE {_number(1.0 - (1e-12 if bits == 64 else 5e-7), bits)}",
         "#define COMPONENT_MOST_PARTS 64U",
         f"#define COMPONENT_JUDGEMENT {-1 if judge is None else results.index(judge)}",
         f"#define COMPONENT_GOOD {_number(_JUDGEMENTS.get(judge or '', 0.0), bits)}",

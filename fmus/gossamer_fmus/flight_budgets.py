@@ -30,7 +30,20 @@ class FlightError(GossamerError, RuntimeError):
 
 def missing_tools() -> list[str]:
     """Return the Debian packages of what ``budgets`` needs and this machine does not have."""
-    return [package for tool, package in TOOLS.items() if shutil.which(tool) is None]
+    missing = [package for tool, package in TOOLS.items() if shutil.which(tool) is None]
+    if not missing:
+        library = subprocess.run(
+            ["arm-none-eabi-gcc", "-print-file-name=rdimon.specs"], capture_output=True, text=True, check=False
+        ).stdout
+        missing += ["libnewlib-arm-none-eabi"] * ("/" not in library)
+    return missing
+
+
+def require_tools() -> None:
+    """Raise ``FlightError`` where this machine lacks what ``budgets`` needs."""
+    if missing := missing_tools():
+        msg = f"budgets need {', '.join(missing)} (packages of Debian). Install them, or leave the budgets out."
+        raise FlightError(msg)
 
 
 def budgets(folder: Path, name: str) -> dict[str, float]:
@@ -56,9 +69,7 @@ def budgets(folder: Path, name: str) -> dict[str, float]:
     FlightError
         A tool is missing, the code is refused, a frame has no bound, or the golden vectors are not met.
     """
-    if missing := missing_tools():
-        msg = f"budgets need {', '.join(missing)} (packages of Debian). Install them, or leave the budgets out."
-        raise FlightError(msg)
+    require_tools()
     with TemporaryDirectory() as temporary:
         copy = Path(temporary) / "flight"
         shutil.copytree(folder, copy)

@@ -77,7 +77,7 @@ def flight(
 ) -> FlightCode:
     """Write a compensator or the detector as C for a flight processor.
 
-    The folder holds C11 with an interface of its own, an example, golden vectors with what runs them, and the interface as a
+    The folder holds C11 with an interface of its own, an example, golden vectors with their runner, and the interface as a
     page. The mathematics is that of the native FMU, bit by bit.
 
     Parameters
@@ -115,8 +115,10 @@ def flight(
     """
     from gossamer_fmus.catalogue import make_model
     from gossamer_fmus.flight import flight_files, golden_vectors
-    from gossamer_fmus.flight_budgets import budgets
+    from gossamer_fmus.flight_budgets import budgets, require_tools
 
+    if measure:
+        require_tools()
     folder = Path(out)
     given: dict[str, Any] = {"artifact": None if artifact is None else Path(artifact), "scales": scales}
     model = make_model(kind, **given)
@@ -126,6 +128,7 @@ def flight(
     folder.mkdir(parents=True, exist_ok=True)
     for name, content in files.items():
         (folder / name).write_bytes(content)
+    (folder / "budgets.json").unlink(missing_ok=True)  # of another component
     measured = budgets(folder, kind) if measure else {}
     if measured:
         (folder / "budgets.json").write_text(json.dumps(measured, indent=1), encoding="utf-8")

@@ -1,8 +1,8 @@
 /* One component for a flight processor: the C twin of gossamer_models/stepper.py, without a host.
 
    The mathematics (component_math.h) is what a native FMU runs, without derivatives. Around it: samples are sealed, in range
-   and in order, or they are refused; what is remembered lies there twice, each under a CRC; constants are checked. Nothing is
-   allocated, recursive, global and mutable, or called through a pointer; every loop ends at a constant. */
+   and in order, or they are refused; what is remembered lies there twice, each under a CRC; constants are checked. There is
+   no allocation, no recursion, no mutable global, no pointer to a function; every loop has a constant bound. */
 
 #include "component.h"
 
@@ -12,6 +12,14 @@
 
 #include "component_math.h"
 #include "component_table.h"
+
+#if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__)
+#error "numbers that are none must be seen: leave out -ffast-math and -ffinite-math-only"
+#endif
+
+_Static_assert(sizeof(component_real) == ((uint32_t)COMPONENT_FLOAT / 8U), "the width of numbers");
+_Static_assert(sizeof(int) == 4U, "the width of indices");
+_Static_assert(sizeof(component_parameters) == ((uint32_t)COMPONENT_N_PARAMETERS * sizeof(component_real)), "no gaps");
 
 #define FIRST_INPUT COMPONENT_N_PARAMETERS
 #define FIRST_RESULT (COMPONENT_N_PARAMETERS + COMPONENT_N_INPUTS)
@@ -67,6 +75,12 @@ void component_seal(component_inputs *u) { u->crc = crc_inputs(u); }
 
 bool component_is_sealed(const component_outputs *y) { return y->crc == crc_outputs(y); }
 
+/* Where a list lies, hidden from the compiler, which may take a constant for what it was when it compiled it. */
+static const unsigned char *place_of(const component_list *list) {
+  const unsigned char *volatile place = list->begin;
+  return place;
+}
+
 static uint32_t word_at(const unsigned char *from) {
   uint32_t word;
   (void)memcpy(&word, from, sizeof word);
@@ -75,7 +89,7 @@ static uint32_t word_at(const unsigned char *from) {
 
 /* The words of a list, folded: one bit that flips is seen, whatever the order of bytes is. */
 static uint32_t folded(const component_list *list) {
-  const unsigned char *from = list->begin;
+  const unsigned char *from = place_of(list);
   uint32_t left = list->words;
   uint32_t sum = 0U;
   for (; left >= 8U; left -= 8U) { /* eight at once: a loop costs as much as a word */
@@ -107,7 +121,11 @@ bool component_constants_hold(void) {
     const component_list *list = &COMPONENT_LISTS[k];
     hold = hold && (folded(list) == list->folded);
     if (list->is_of_numbers != 0U) {
-      c = crc_numbers(c, list->begin, list->words / (sizeof(component_real) / 4U));
+      c = crc_numbers(c, (const void *)place_of(list), list->words / (sizeof(component_real) / 4U));
+    } else {
+      for (uint32_t i = 0U; i < list->words; i++) {
+        c = crc_word(c, word_at(&place_of(list)[4U * i]));
+      }
     }
   }
   return hold && (~c == COMPONENT_CONSTANTS_CRC);
@@ -151,20 +169,32 @@ static void seal_both(component *c) {
   c->first = c->second;
 }
 
-/* Make both copies the same and whole; false where neither is. The first one is that which was true last. */
-static bool heal(component *c, uint32_t *health) {
-  bool whole = (c->first.crc == crc_block(&c->first)) && (c->first.version == COMPONENT_VERSION);
-  if (!whole) {
-    whole = (c->second.crc == crc_block(&c->second)) && (c->second.version == COMPONENT_VERSION);
-    if (whole) {
-      *health |= COMPONENT_HEALED;
-      count_up(&c->second.counts[COMPONENT_COUNT_HEALED]);
-      seal_both(c);
-    }
-  } else {
-    c->second = c->first;
+static bool is_whole(const component_block *b) {
+  return (b->crc == crc_block(b)) && (b->version == COMPONENT_VERSION);
+}
+
+/* The first copy, which was true last, or the second one where that is damaged; none where both are. */
+static const component_block *whole_of(const component *c) {
+  const component_block *found = is_whole(&c->first) ? &c->first : NULL;
+  if ((found == NULL) && is_whole(&c->second)) {
+    found = &c->second;
   }
-  return whole;
+  return found;
+}
+
+/* Make both copies the same and whole; false where neither is. */
+static bool heal(component *c, uint32_t *health) {
+  const component_block *found = whole_of(c);
+  if (found == &c->second) {
+    *health |= COMPONENT_HEALED;
+    count_up(&c->second.counts[COMPONENT_COUNT_HEALED]);
+    seal_both(c);
+  } else if (found != NULL) {
+    c->second = c->first;
+  } else {
+    /* lost */
+  }
+  return found != NULL;
 }
 
 uint32_t component_init(component *c, const component_parameters *p, component_real period, const component_inputs *u,
@@ -181,7 +211,8 @@ uint32_t component_init(component *c, const component_parameters *p, component_r
   if ((u->crc != crc_inputs(u)) || !in_range(b->parameters, 0U, COMPONENT_N_PARAMETERS) ||
       !in_range(inputs, FIRST_INPUT, COMPONENT_N_INPUTS) || !(period > (component_real)0) || !(period <= COMPONENT_LARGEST)) {
     health |= COMPONENT_REFUSED;
-  } else {
+  }
+  if (health == 0U) {
     w->arg[0] = inputs;
     w->arg[1] = b->parameters;
     w->res[0] = b->state;
@@ -261,10 +292,11 @@ static uint32_t taken(component *c, const component_inputs *u, component_work *w
   component_block *next = &c->second;
   uint32_t periods = 0U;
   uint32_t health = c->first.health & COMPONENT_STAYS;
-  if (!lists_hold(next->next_list % COMPONENT_N_STEP_LISTS, COMPONENT_LISTS_PER_STEP)) {
-    health |= COMPONENT_CONSTANTS;
+  const uint32_t list = next->next_list % COMPONENT_N_REAL_LISTS;
+  if (!lists_hold(0U, COMPONENT_N_INDEX_LISTS) || !lists_hold(COMPONENT_N_INDEX_LISTS + list, COMPONENT_LISTS_PER_STEP)) {
+    health |= COMPONENT_CONSTANTS; /* indices before every step: a wrong one writes elsewhere */
   }
-  next->next_list = ((next->next_list % COMPONENT_N_STEP_LISTS) + COMPONENT_LISTS_PER_STEP) % COMPONENT_N_STEP_LISTS;
+  next->next_list = (list + COMPONENT_LISTS_PER_STEP) % COMPONENT_N_REAL_LISTS;
   component_from_inputs(u, inputs);
   health |= admitted(&c->first, u, inputs, &periods);
   if ((health & (COMPONENT_REFUSED | COMPONENT_REPEATED | COMPONENT_CONSTANTS)) != 0U) {
@@ -302,15 +334,21 @@ uint32_t component_step(component *c, const component_inputs *u, component_outpu
 }
 
 uint32_t component_health(const component *c) {
-  const bool whole = (c->first.crc == crc_block(&c->first)) && (c->first.version == COMPONENT_VERSION);
-  return whole ? c->first.health : COMPONENT_LOST;
+  const component_block *found = whole_of(c);
+  uint32_t health = COMPONENT_LOST;
+  if (found != NULL) {
+    health = found->health | ((found == &c->second) ? COMPONENT_HEALED : 0U);
+  }
+  return health;
 }
 
-uint32_t component_restore(component *c, const component_block *saved) {
+uint32_t component_restore(component *c, const component_block *saved, uint32_t sequence) {
   uint32_t health = COMPONENT_LOST;
   (void)memset(c, 0, sizeof *c);
-  if ((saved->version == COMPONENT_VERSION) && (saved->crc == crc_block(saved)) && component_constants_hold()) {
+  if (is_whole(saved) && component_constants_hold()) {
     c->second = *saved;
+    c->second.sequence = sequence;
+    c->second.health &= ~COMPONENT_STAYS;
     seal_both(c);
     health = c->first.health;
   }
@@ -318,7 +356,7 @@ uint32_t component_restore(component *c, const component_block *saved) {
 }
 
 bool component_save(const component *c, component_block *saved) {
-  const bool whole = component_health(c) != COMPONENT_LOST;
-  *saved = c->first;
-  return whole;
+  const component_block *found = whole_of(c);
+  *saved = (found != NULL) ? *found : c->first;
+  return found != NULL;
 }

@@ -28,7 +28,7 @@ int main(void) {
     wait_for_the_next_period();
     read_sample(&u, k);
     health = component_step(&sensor, &u, &y, &work);
-    if ((health & COMPONENT_LOST) != 0U) { /* both copies: begin again, or restore a saved block */
+    if ((health & (COMPONENT_LOST | COMPONENT_GAP)) != 0U) { /* begin again where the strain is known, or restore a block */
       health = component_init(&sensor, &p, PERIOD, &u, &work);
     }
   }
