@@ -1,6 +1,7 @@
 /* Bits that flip: one at a time, in the state, in the constants of a step, or in a sample on its way, at any sample of the
    golden vectors; then up to WINDOW samples are run on. A result has moved where it is off by a thousandth of its largest
-   value; it is wrong where it is off by a tenth and is no deviation, which a sample that is lost changes. Prints how many flips did what; fails where one was not seen.
+   value; it is wrong where it is off by a tenth and is no deviation, which a sample that is lost changes. Prints how many flips
+   did what; fails where one was not seen.
 
        upsets [flips] */
 
