@@ -14,7 +14,7 @@ from .stepper import Stepper
 COLUMNS = {"time": "s", "resistance": "ohm", "temperature": "K"}
 
 
-class Recovered(NamedTuple):
+class LiveStrain(NamedTuple):
     """What one reading gives.
 
     Attributes
@@ -36,7 +36,7 @@ def recover_lines(
     artifact: SensorArtifact,
     method: Literal["inverse", "estimator", "filter"] | None = None,
     parameters: Mapping[str, float] | None = None,
-) -> Iterator[Recovered]:
+) -> Iterator[LiveStrain]:
     """Recover strain as readings arrive, at any intervals.
 
     Parameters
@@ -54,7 +54,7 @@ def recover_lines(
 
     Yields
     ------
-    Recovered
+    LiveStrain
         For every reading, before the next one is asked for.
 
     Raises
@@ -80,7 +80,7 @@ def recover_lines(
         require(math.isfinite(time), f"line {number} has no time: {line.strip()!r}", DataError)
         require(not time <= before, f"line {number}: time {time:g} s does not follow {before:g} s.", DataError)
         if not math.isfinite(reading):
-            yield Recovered(time, math.nan, math.nan, math.nan)
+            yield LiveStrain(time, math.nan, math.nan, math.nan)
             continue
         model.set("resistance", reading)
         if warmth and math.isfinite(warmth[0]):
@@ -90,7 +90,7 @@ def recover_lines(
         else:
             model.step(time - before)
         before = time
-        yield Recovered(
+        yield LiveStrain(
             time,
             model.get("strain"),
             model.get("strain_deviation") if states else math.nan,

@@ -74,8 +74,11 @@ def forces(structure, nodes, **given):
 def test_a_hanging_cable_is_a_catenary_that_stretches():
     """1.3 m between supports 1 m apart; second order in the segments."""
     span, length, EA, weight = 1.0, 1.3, 2e3, 2.0 * 9.81
-    across = lambda H: H * length / EA + 2.0 * H / weight * np.arcsinh(weight * length / 2.0 / H) - span  # noqa: E731
-    H = brentq(across, 0.1, 20.0)
+
+    def beyond(H):
+        return H * length / EA + 2.0 * H / weight * np.arcsinh(weight * length / 2.0 / H) - span
+
+    H = brentq(beyond, 0.1, 20.0)
     sag = weight * length**2 / 8.0 / EA + H / weight * (np.hypot(1.0, weight * length / 2.0 / H) - 1.0)
     errors = []
     for parts in (10, 20, 40):
@@ -111,8 +114,11 @@ def test_a_cable_carries_no_compression_and_a_beam_does():
 def test_a_cantilever_vibrates_as_in_closed_form_with_a_mass_at_its_tip_too(tip):
     """Euler-Bernoulli, whose tip is free of moment: 1 + cos cosh + mu x (cos sinh - sin cosh) = 0."""
     c, s, ch, sh, share = np.cos, np.sin, np.cosh, np.sinh, tip / (MASS * LENGTH)
-    of = lambda x: 1.0 + c(x) * ch(x) + share * x * (c(x) * sh(x) - s(x) * ch(x))  # noqa: E731
-    roots = np.array([brentq(of, 0.5, 2.5), brentq(of, 3.3, 5.0)])
+
+    def characteristic(x):
+        return 1.0 + c(x) * ch(x) + share * x * (c(x) * sh(x) - s(x) * ch(x))
+
+    roots = np.array([brentq(characteristic, 0.5, 2.5), brentq(characteristic, 3.3, 5.0)])
     exact = np.repeat(roots**2, 2) / LENGTH**2 * np.sqrt(EI / MASS) / (2.0 * np.pi)
     errors = [np.abs(Linearised(boom(n, tip)).modes(4).frequencies / exact - 1.0).max() for n in (20, 40, 80)]
     assert np.array(errors[:-1]) / errors[1:] == pytest.approx(4.0, abs=0.1)

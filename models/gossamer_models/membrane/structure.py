@@ -450,6 +450,8 @@ def _hit(setup: Setup, mesh: SurfaceMesh) -> Iterator[Mistake]:
 
 def _detached(setup: Setup, mesh: SurfaceMesh) -> Iterator[Mistake]:
     """Find places of lines on the surface where no corner of an element holds them: another mesh would not, either."""
+    if not setup.lines:
+        return
     ends = (0, -1)
     corners = [
         block.elements

@@ -79,7 +79,8 @@ def read_clocks(fmu: FmuFile) -> list[FmuClock]:
 def _fraction(stated: Mapping[str, str], what: str) -> Fraction | None:
     """Return an interval or a shift that a model description states, as a fraction if it does."""
     if f"{what}Counter" in stated and "resolution" in stated:
-        return Fraction(int(stated[f"{what}Counter"]), int(stated["resolution"]) or 1)
+        resolution = int(stated["resolution"])
+        return Fraction(int(stated[f"{what}Counter"]), resolution) if resolution else Fraction(0)  # which is refused by name
     return Fraction(stated[f"{what}Decimal"]) if f"{what}Decimal" in stated else None
 
 
