@@ -69,8 +69,7 @@ def references(model: StepModel, fmi: FmiVersion) -> dict[str, bytes]:
 
 def _swing(variable: Variable, by: float) -> float:
     """Return a value near the start value of an input and in its range, for ``by`` from -1 to 1."""
-    low = -math.inf if variable.minimum is None else variable.minimum
-    high = math.inf if variable.maximum is None else variable.maximum
+    low, high = variable.limits
     start = variable.start or 0.0
     change = 0.01 * min(abs(variable.nominal or 1.0), high - low) * by
     return start + change if low <= start + change <= high else start - change

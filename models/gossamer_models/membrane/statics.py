@@ -124,14 +124,7 @@ class Equilibrium:
         self._table = CaseTable(model=model.name, parameters=model.variables[p_rows], inputs=model.variables[u_rows])
         self._damages = [i for i, name in enumerate(model.names[u_rows]) if name.startswith("damage[")]
         self._left = [i for i, name in enumerate(model.names[u_rows]) if name.partition("[")[0] in LEFT]
-        tables = model.variables[u_rows], model.variables[p_rows]
-        self._limits = [
-            [
-                np.array([bound if (bound := getattr(v, end)) is not None else without for v in table])
-                for end, without in (("minimum", -np.inf), ("maximum", np.inf))
-            ]
-            for table in tables
-        ]
+        self._limits = [np.array([v.limits for v in model.variables[rows]]).reshape(-1, 2).T for rows in (u_rows, p_rows)]
 
         u, p, q = arguments = [ca.MX.sym(name, rest.begin.size1_in(i)) for i, name in enumerate("upq")]
         inputs, parameters = by_name(model.variables[u_rows], u), by_name(model.variables[p_rows], p)
