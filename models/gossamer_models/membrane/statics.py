@@ -26,7 +26,7 @@ from .setup import LEFT
 from .structure import Structure
 
 KEPT = 64  # equilibria
-ROUNDED, DAMAGES = 5, 16.0  # binary digits of numbers, and shares of damage, of which equilibria are kept
+ROUNDED, ROUGHLY, DAMAGES = 5, 2, 16.0  # binary digits of numbers, and shares of damage, of which equilibria are kept
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,8 +81,9 @@ class Equilibrium:
 
     A case starts from the equilibrium of its rounded numbers, which cases beside it share, with the factors of its tangent
     as long as the forces fall to half in a step, then with its own. Where this fails, the relaxation of the model's own
-    ``init`` takes over. That equilibrium is found alike from that of the undamaged membrane under the same loads, and this
-    one from that of the start values. So what a case gives does not depend on the others.
+    ``init`` takes over. That equilibrium is found alike from that of the undamaged membrane under the same loads, this one
+    from that of roughly the same numbers, and this from that of the start values. So what a case gives does not depend on
+    the others.
 
     Parameters
     ----------
@@ -229,21 +230,24 @@ class Equilibrium:
 
     def _near(self, u: Vector, p: Vector) -> Known | None:
         """Return the equilibrium of the rounded numbers of a case: 1/16 of damage, 1/32 to 1/16 of the size of all else."""
-        rounded = []
-        for values, start in zip((u, p), self.newton.given, strict=True):
-            unit = np.exp2(np.frexp(np.maximum(np.abs(values), np.abs(start)))[1] - ROUNDED)
-            rounded.append(start + np.round((values - start) / unit) * unit)
-        rounded[0][self._damages] = np.floor(DAMAGES * u[self._damages]) / DAMAGES
-        rounded[0][self._left] = np.ceil(DAMAGES * u[self._left]) / DAMAGES  # shares of a stiffness
-        return self._known(*(np.clip(values, *limits) for values, limits in zip(rounded, self._limits, strict=True)))
+        u_near, p_near = self._rounded(u, p, ROUNDED)
+        u_near[self._damages] = np.floor(DAMAGES * u[self._damages]) / DAMAGES
+        u_near[self._left] = np.ceil(DAMAGES * u[self._left]) / DAMAGES  # shares of a stiffness
+        return self._known(u_near, p_near)
+
+    def _rounded(self, u: Vector, p: Vector, digits: int) -> list[Vector]:
+        """Return inputs and parameters whose distance from the start values has so many binary digits of their size."""
+        found = []
+        for values, start, limits in zip((u, p), self.newton.given, self._limits, strict=True):
+            unit = np.exp2(np.frexp(np.maximum(np.abs(values), np.abs(start)))[1] - digits)
+            found.append(np.clip(start + np.round((values - start) / unit) * unit, *limits))
+        return found
 
     def _known(self, u: Vector, p: Vector) -> Known | None:
-        """Return an equilibrium, kept or found: from that of the undamaged membrane, and that from the start values."""
+        """Return an equilibrium, kept or found from that of the undamaged membrane, of rough numbers, or the first one."""
         key = np.concatenate([u[self._relevant[0]], p[self._relevant[1]]]).tobytes()
         if key not in self._kept:
-            healthy = u.copy()
-            healthy[self._damages] = 0.0
-            begin = self._first if np.array_equal(healthy, u) else self._known(healthy, p)
+            begin = self._before(u, p)
             q = None if begin is None else self.newton.reach(u, p, begin)
             q = self._relaxed(u, p) if q is None else q
             self._kept[key] = None if np.isnan(q).any() else Known(u.copy(), p.copy(), q)
@@ -251,6 +255,17 @@ class Equilibrium:
                 self._kept.popitem(last=False)
         self._kept.move_to_end(key)
         return self._kept[key]
+
+    def _before(self, u: Vector, p: Vector) -> Known | None:
+        """Return the equilibrium that one is found from."""
+        healthy = u.copy()
+        healthy[self._damages] = 0.0
+        if not np.array_equal(healthy, u):
+            return self._known(healthy, p)
+        rough = self._rounded(u, p, ROUGHLY)
+        if np.array_equal(rough[0], u) and np.array_equal(rough[1], p):
+            return self._first
+        return self._known(*rough) or self._first
 
     @cached_property
     def _first(self) -> Known | None:
