@@ -26,8 +26,9 @@ CONTRACTION = 0.5  # of the forces in a step with kept factors; if they fall les
 STALLED = 1e3  # over the forces that rounding leaves: accepted where they fall no further
 FULL_STEPS, RELEASED, LEAST_SHARE = 20, 1e-6, 1e-3  # at a time; share of the forces that may be left; of them at once
 _SHARES = (1.0, 0.5, 0.2, 0.05, 0.01)  # of a Newton step, until the forces fall
-_SHIFT, _FALL = 1e-3, 0.1  # mu at first, and its factor after a step
-_REFUSED = 15  # steps at most in which the energy rises: a film that is slack all over is left to relaxation
+_LEAST_SHIFT, _FALL = 1e-9, 0.1  # of mu, and its factor after a step
+_SHORTENED = 12  # times that a step is shortened, at most
+_REFUSED = 15  # shifts at most: a film that is slack all over is left to relaxation
 
 
 class Newton:
@@ -115,46 +116,63 @@ class Newton:
         return None
 
     def start(self, begin: Vector | None = None) -> Vector | None:
-        r"""Return the equilibrium of the start values, None if none is reached.
+        """Return the equilibrium of the start values, None if none is reached.
 
         Parameters
         ----------
         begin : ndarray, shape (3 M,), optional
             Displacements to begin with [m]; None for the place of the mesh.
+        """
+        q = np.zeros(len(self._stiffness)) if begin is None else begin
+        return self._by_any_steps(*self.given, q) if len(self.free) else None  # else all nodes are held
+
+    def _by_any_steps(self, u: Vector, p: Vector, begin: Vector) -> Vector | None:
+        """Return the equilibrium that the energy falls to, or that forces are released to where there are beams."""
+        found = self._downhill(u, p, begin)
+        return self._released(u, p, begin) if found is None and self._has_beams else found
+
+    def _downhill(self, u: Vector, p: Vector, q: Vector) -> Vector | None:
+        r"""Return the equilibrium that steps reach in each of which the energy falls.
 
         Notes
         -----
-        Steps :math:`d = (K + \mu M)^{-1} f`. Where the energy falls by the trapezoidal rule, :math:`f' \cdot d > -f \cdot
-        d/2` with the forces f' after the step, the step is taken and the shift falls; else it rises. It ends where the
-        forces are accepted and fall no further, and gives up after some steps whose energy rises.
+        Steps :math:`d = (K + \mu M)^{-1} f`, whose shift rises until the tangent is positive along d, and falls after each.
+        A step is shortened until the energy falls in it by the trapezoidal rule, :math:`f' \cdot d > -f \cdot d/2` with
+        the forces f' after it. It ends where the forces are accepted and fall no further, and gives up after some shifts.
         """
-        u, p = self.given
-        if not len(self.free):  # all nodes are held
-            return None
-        q, mu, refused = np.zeros(len(self._stiffness)) if begin is None else begin, _SHIFT, 0
+        mu, refused = 0.0, 0
         f, left = self.left(u, p, q)
         if left == np.inf:
             return None
-        K = self.stiffened(u, p, q)
         for _ in range(MOST_STEPS):
+            K = self.stiffened(u, p, q)
             step = splu(self._shifted(K, mu)).solve(f)
-            to = q.copy()
-            to[self.free] += step
-            f_to, left_to = self.left(u, p, to)
+            falls = f @ step
+            if not (falls > 0.0 and step @ self._shifted(K, mu) @ step > 0.0):
+                mu, refused = max(_LEAST_SHIFT, mu / _FALL), refused + 1
+                if refused > _REFUSED:
+                    break
+                continue
+            share = 1.0
+            for _ in range(_SHORTENED):
+                to = q.copy()
+                to[self.free] += share * step
+                f_to, left_to = self.left(u, p, to)
+                ahead = f_to @ step if left_to < np.inf else -np.inf
+                if ahead > -0.5 * falls:
+                    break
+                share *= min(max(falls / (falls - ahead), _FALL), 0.5)
+            else:
+                break
             if left <= 1.0 and left_to >= left:
                 return q
-            if left_to < np.inf and f_to @ step > -0.5 * (f @ step):
-                q, f, left, mu, K = to, f_to, left_to, _FALL * mu, self.stiffened(u, p, to)
-                continue
-            mu, refused = mu / _FALL, refused + 1
-            if refused > _REFUSED:
-                break
-        return self._released(u, p, np.zeros(len(q)) if begin is None else begin) if self._has_beams else None
+            q, f, left, mu = to, f_to, left_to, _FALL * mu if mu > _LEAST_SHIFT else 0.0
+        return None
 
     def reach(self, u: Vector, p: Vector, known: Known) -> Vector | None:
         """Return the equilibrium that is reached from one that is known, None if none is."""
         found = self._fallen(u, p, known)
-        return self._released(u, p, known.q) if found is None and self._has_beams else found
+        return self._by_any_steps(u, p, known.q) if found is None else found
 
     def _fallen(self, u: Vector, p: Vector, known: Known) -> Vector | None:
         """Return the equilibrium that steps reach in each of which the forces fall."""
