@@ -193,7 +193,7 @@ def modes(
     from gossamer_orchestrator.errors import ResultsError, writing
     from gossamer_orchestrator.results.vtk import write_surface
 
-    from .pages.modes import surface_of
+    from .pages.space import surface_of
 
     folder = Path(out)
     arrays, shapes = folder / "modes.nc", folder / "modes.vtu"

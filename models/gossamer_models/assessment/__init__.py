@@ -1,19 +1,9 @@
 """Assessment of damage detection: judges under conditions, with the statistics that an inspector asks for."""
 
-from .conditions import Condition, Detection, conditions, detections, plan_of_square
+from .conditions import conditions, detections, plan_of_square
 from .figures import Figures, confusion, figures, reliability
-from .judges import (
-    AlwaysZero,
-    DetectorJudge,
-    Judge,
-    PosteriorJudge,
-    TwinJudge,
-    Verdicts,
-    read_judge,
-    shipped_judges,
-    twin_judges,
-)
-from .pod import Pod, Share, fit_pod, share, size_by_counts, threshold_for
+from .judges import AlwaysZero, DetectorJudge, PosteriorJudge, TwinJudge, Verdicts, read_judge, shipped_judges, twin_judges
+from .pod import fit_pod, share, size_by_counts, threshold_for
 from .results import AssessmentResults, read_assessment, write_assessment
 from .run import assess
 
@@ -21,7 +11,6 @@ __all__ = [
     # whom to assess
     "AlwaysZero",
     "DetectorJudge",
-    "Judge",
     "PosteriorJudge",
     "read_judge",
     "shipped_judges",
@@ -31,9 +20,7 @@ __all__ = [
     # all at once
     "assess",
     "AssessmentResults",
-    "Condition",
     "conditions",
-    "Detection",
     "plan_of_square",
     "detections",
     "read_assessment",
@@ -43,9 +30,7 @@ __all__ = [
     "Figures",
     "figures",
     "fit_pod",
-    "Pod",
     "reliability",
-    "Share",
     "share",
     "size_by_counts",
     "threshold_for",

@@ -1,7 +1,7 @@
 """Choice of a sensor and its compensator within the training stretch, and what they must beat."""
 
-from .choice import BUDGET, Chosen, choose
+from .choice import BUDGET, choose
 from .compare import HERE, Standing, defeats, standings
 from .trials import Trial
 
-__all__ = ["BUDGET", "HERE", "Chosen", "Standing", "Trial", "choose", "defeats", "standings"]
+__all__ = ["BUDGET", "HERE", "Standing", "Trial", "choose", "defeats", "standings"]

@@ -9,10 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 from ..arrays import Matrix, Vector
+from ..detector.networks import Perceptron
 
 SIZES = (32, 16)  # units of the perceptron
 UNITS = 12  # of the recurrent network
@@ -24,7 +26,7 @@ HELD = 0.2  # of the training samples
 SEED = 0
 
 
-def _adam(parameters: list[Vector], step: Callable[[], tuple[list[Vector], float]], steps: int = STEPS) -> list[Vector]:
+def _adam(parameters: list[Any], step: Callable[[], tuple[list[Any], float]], steps: int = STEPS) -> list[Any]:
     """Minimize; ``step`` returns derivatives and the error on the held samples; the best parameters are returned."""
     first, second = ([np.zeros_like(p) for p in parameters] for _ in range(2))
     best, least = [p.copy() for p in parameters], np.inf
@@ -45,31 +47,20 @@ def perceptron(X: Matrix, y: Vector) -> Callable[[Matrix], Vector]:
     mean, size = X.mean(axis=0), X.std(axis=0) + 1e-9
     X = (X - mean) / size
     sizes = [X.shape[1], *SIZES, 1]
-    parameters: list[Vector] = []
+    net = Perceptron([])
     for a, b in pairwise(sizes):
-        parameters += [rng.normal(size=(a, b)) / np.sqrt(a), np.zeros(b)]
+        net.arrays.extend([rng.normal(size=(a, b)) / np.sqrt(a), np.zeros(b)])
     end = min(round((1.0 - HELD) * y.size), y.size - 1)
     fitted, held = np.arange(0, end, max(1, end // MOST_SAMPLES)), slice(end, None)
 
-    def forward(x: Matrix) -> list[Matrix]:
-        layers = [x]
-        for k in range(0, len(parameters), 2):
-            z = layers[-1] @ parameters[k] + parameters[k + 1]
-            layers.append(np.tanh(z) if k + 2 < len(parameters) else z)
-        return layers
+    def step() -> tuple[list[Any], float]:
+        values = net.values(X[fitted])
+        slopes, _ = net.gradients(values, 2.0 * (values[-1] - y[fitted, None]) / fitted.size)
+        pulled = [slope + 1e-5 * array * (array.ndim > 1) for slope, array in zip(slopes, net.arrays, strict=True)]
+        return pulled, float(np.mean((net.values(X[held])[-1][:, 0] - y[held]) ** 2))
 
-    def step() -> tuple[list[Vector], float]:
-        layers = forward(X[fitted])
-        back = 2.0 * (layers[-1] - y[fitted, None]) / fitted.size
-        slopes: list[Vector] = []
-        for k in reversed(range(0, len(parameters), 2)):
-            slopes = [layers[k // 2].T @ back + 1e-5 * parameters[k], back.sum(axis=0), *slopes]
-            if k:
-                back = (back @ parameters[k].T) * (1.0 - layers[k // 2] ** 2)
-        return slopes, float(np.mean((forward(X[held])[-1][:, 0] - y[held]) ** 2))
-
-    parameters[:] = _adam(parameters, step)
-    return lambda x: np.asarray(forward((x - mean) / size)[-1][:, 0])
+    best = Perceptron(_adam(net.arrays, step))
+    return lambda x: np.asarray(best.values((x - mean) / size)[-1][:, 0])
 
 
 def recurrent(u: Vector, y: Vector) -> Callable[[Vector], Vector]:

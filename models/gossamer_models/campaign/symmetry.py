@@ -58,12 +58,6 @@ class Symmetry:
         return {"sensors": self.sensors.tolist(), "zones": self.zones.tolist()}
 
     @cached_property
-    def answered(self) -> Integers:
-        """Zones that the first q ones are in each image, shape (m, q): together all zones, once each."""
-        first = self.zones.min(axis=0) == np.arange(self.zones.shape[1])
-        return self.zones[:, first]
-
-    @cached_property
     def modes(self) -> Matrix:
         """Orthonormal sums of the sensors' signals, shape (s, s), one per row, of which images change the sign only."""
         if len(self.sensors) == 1:

@@ -1,7 +1,7 @@
 """Detectors: strain histories to damage per zone, by posterior networks or by the neuro-fuzzy networks of the thesis."""
 
 from .artifact import DetectorArtifact
-from .features import Components, block_energies, block_means, difference_noise, packet_energies, principal_components
+from .features import packet_energies
 from .model import detector_model, posterior_model
 from .networks import defuzzify, similarity, triangular_memberships
 from .posterior import judge_records
@@ -16,13 +16,8 @@ __all__ = [
     "judge_records",
     "posterior_model",
     # their features
-    "Components",
-    "block_means",
-    "difference_noise",
-    "principal_components",
     # the detector of the thesis
     "DetectorArtifact",
-    "block_energies",
     "defuzzify",
     "detector_model",
     "packet_energies",

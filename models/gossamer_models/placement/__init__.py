@@ -1,6 +1,5 @@
 """Where to put the sensors of a membrane: by the Fisher information of the damage of its zones."""
 
-from .check import MonteCarloCheck
 from .placing import GAUGE_NOISE, NOISE, STEP, STOP, Placement, Placing, place_sensors, sensors_text, write_csv
 from .plots import save_picture
 
@@ -9,7 +8,6 @@ __all__ = [
     "NOISE",
     "STEP",
     "STOP",
-    "MonteCarloCheck",
     "Placement",
     "Placing",
     "place_sensors",

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping
-from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -17,13 +15,11 @@ from gossamer_models.assessment.plots import COLORS, ZERO, assessment_charts, re
 from gossamer_models.assessment.results import Row
 from gossamer_models.detector import DetectorArtifact, PosteriorArtifact
 from gossamer_models.membrane import Structure
-from gossamer_models.membrane.shape import membrane_shape
-from gossamer_orchestrator.fmi.shape import Surface
 from gossamer_orchestrator.pages import Page, folded, on_page, table
 from gossamer_orchestrator.results.dataset import zone_label
-from gossamer_orchestrator.results.report.membrane import surface_content
 from gossamer_orchestrator.results.report.page import ASSETS
-from gossamer_orchestrator.results.shapes import ShapeHistory
+
+from .space import in_space, space_chart
 
 FIRST = "window 1, damaged, "  # records that are drawn case by case
 FEW_CASES, FEW = 100, 30  # held-out records of a training, and records of a judge, below which figures are rough
@@ -251,18 +247,10 @@ def _in_space(found: AssessmentResults, structure: Structure) -> tuple[list[Char
         lost += [f"Not shown to be found by {judge}, {condition}: {', '.join(none)}."] if none else []
     if not colours:
         return [], {}
-    with np.load(io.BytesIO(membrane_shape(structure, structure.table))) as arrays:
-        parts = {each.name: arrays[each.name] for each in fields(Surface)}
-    points = np.array([sensor.point for sensor in structure.setup.sensors])
-    surface = Surface(**parts | {"nodes": structure.mesh.nodes, "sensor_points": points})
-    still = ShapeHistory(surface, np.zeros(1), surface.nodes[None], np.zeros((1, len(structure.setup.regions), 3)))
-    names = [zone_label(name) for name in structure.zone_names]
-    shown = surface_content(still, np.zeros(1, dtype=np.int64))
-    shown |= {"unit": "m", "marked": False, "colours": colours, "names": names}
-    note = "Damage found in 90 % of cases with 95 % confidence (a90/95). Drag to turn; squares are zones, dots sensors."
     text = "The membrane in three dimensions, zones coloured by the size of damage found; the table holds the numbers."
-    chart = Chart("Membrane", note=" ".join([note, *lost]), text=text, tall=True, broad=True, script="addSurface")
-    return [*section("Where damage is found", [chart])], {"frames": np.zeros(1), "surface": shown}
+    chart = space_chart("Membrane", " ".join(["Damage found in 90 % of cases with 95 % confidence (a90/95).", *lost]), text)
+    content = in_space(structure, np.zeros(1), colours, [zone_label(name) for name in structure.zone_names])
+    return section("Where damage is found", [chart]), content
 
 
 def _best(found: AssessmentResults) -> Row | None:

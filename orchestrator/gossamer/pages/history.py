@@ -13,12 +13,10 @@ from gossamer_models.twin import InspectionHistory
 from gossamer_orchestrator.pages import Page, table
 from gossamer_orchestrator.pages.page import Kind
 from gossamer_orchestrator.results.dataset import zone_label
-from gossamer_orchestrator.results.report.membrane import surface_content
 from gossamer_orchestrator.results.report.page import ASSETS
-from gossamer_orchestrator.results.shapes import ShapeHistory
 from gossamer_orchestrator.words import between, uncertain
 
-from .modes import surface_of
+from .space import in_space, space_chart
 
 COLOURS = 6
 LEAST = 0.5  # damage [%] of a zone that is outlined
@@ -60,20 +58,19 @@ def history_page(name: str, history: InspectionHistory, structure: Structure | N
         ),
         _over_time("Sensors", "gain, or error [1]", months, dict(history.drift)),
     ]
-    in_space = _in_space(structure, history) if structure is not None else {}
-    note = "Drag to turn; squares are zones, dots sensors. The slider goes over the dates; what is withheld is grey."
-    text = "The structure in three dimensions with the damage of its zones; the tables hold the numbers."
-    if in_space:
-        charts.insert(0, Chart("The structure", note=note, text=text, tall=True, broad=True, script="addSurface"))
+    content = _in_space(structure, history) if structure is not None else {}
+    if content:
+        text = "The structure in three dimensions with the damage of its zones; the tables hold the numbers."
+        charts.insert(0, space_chart("The structure", "The slider goes over the dates; what is withheld is grey.", text))
     return Page(
         title=f"Inspections of {name}",
         kind=kind,
         sentence=first,
         more=more,
         charts=[*section("Damage", charts), *section("Beside damage", [chart for chart in beside if chart.traces])],
-        content=in_space,
-        scripts=[ASSETS / "surface.js", ASSETS / "run.js"] if in_space else [],
-        controls=(ASSETS / "player.html").read_text(encoding="utf-8") if in_space else "",
+        content=content,
+        scripts=[ASSETS / "surface.js", ASSETS / "run.js"] if content else [],
+        controls=(ASSETS / "player.html").read_text(encoding="utf-8") if content else "",
         facts=[history_table(history), table(("date", "valid", "what was said"), rows, "Inspections")],
         how="Bars are one standard deviation wide to each side. Growth is the slope of a line through all values of a zone; "
         "its bound holds in 95 of 100 cases.",
@@ -82,20 +79,14 @@ def history_page(name: str, history: InspectionHistory, structure: Structure | N
 
 def _in_space(structure: Structure, history: InspectionHistory) -> dict[str, Any]:
     """Return what the page needs to draw a structure in space, coloured by damage, at every date."""
-    surface = surface_of(structure)
-    dates = len(history.dates)
-    places, still = np.repeat(surface.nodes[None], dates, axis=0), np.zeros((dates, len(structure.setup.regions), 3))
     damage, months = 100.0 * np.nan_to_num(history.damage), history.months
     colour = {"name": "estimated damage", "of": "zone", "values": damage, "time": months, "valid": history.valid.tolist()}
     colour |= {"least": LEAST, "ends": [0.0, max(1.0, float(damage.max()))], "unit": "%", "scale": "@damage"}
-    drawn = surface_content(ShapeHistory(surface, months, places, still), np.arange(dates))
-    labels = [zone_label(zone) for zone in history.zones]
     return {
         "start": 0.0,
         "end": float(months[-1]),
-        "frames": months,
         "instants": [str(day) for day in history.dates],
-        "surface": drawn | {"unit": "m", "marked": False, "names": labels, "colours": [colour]},
+        **in_space(structure, months, [colour], [zone_label(zone) for zone in history.zones]),
     }
 
 

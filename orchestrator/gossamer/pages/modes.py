@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from gossamer_files.charts import Array, Chart, bars, heat
 from gossamer_files.tables import TableText
-from gossamer_models.membrane import Modes, Sensitivities, Structure
-from gossamer_models.membrane.shape import membrane_shape
-from gossamer_orchestrator.fmi.shape import Surface
+from gossamer_models.membrane import Modes, Sensitivities
 from gossamer_orchestrator.pages import Page
-from gossamer_orchestrator.results.report.membrane import surface_content
 from gossamer_orchestrator.results.report.page import ASSETS
-from gossamer_orchestrator.results.shapes import ShapeHistory
+
+from .space import in_space, space_chart
 
 FRAMES = 16  # of a cycle
 DRAWN = 0.08  # of the size: how far a mode moves on the page
@@ -26,9 +22,8 @@ MOST_NUMBERS = 4_000_000  # of all places on a page
 def modes_page(title: str, modes: Modes, changes: Sensitivities | None, sentence: str, tables: Sequence[TableText]) -> Page:
     """Describe modes, as many as fit on a page."""
     structure, labels = modes.linearised.structure, [str(k + 1) for k in range(len(modes.squares))]
-    content = _moving(structure, modes)
-    note = "Each mode moves through a cycle, by 8 % of the size at most. Drag to turn; squares are zones, dots sensors."
-    charts = [Chart("Shapes", note=note, text="The modes in motion.", tall=True, broad=True, script="addSurface")]
+    note = "Each mode moves through a cycle, by 8 % of the size at most."
+    charts = [space_chart("Shapes", note, "The modes in motion.")]
     share = 100.0 * modes.effective_masses[:, :3] / np.diag(modes.moving)[:3]
     along = [bars(f"along {axis}", labels, share[:, k], f"@{k}") for k, axis in enumerate("xyz")]
     charts.append(Chart("Effective mass", "mode", "share of what moves [%]", along, layout={"xaxis": {"type": "category"}}))
@@ -42,7 +37,7 @@ def modes_page(title: str, modes: Modes, changes: Sensitivities | None, sentence
         kind="none",
         sentence=sentence,
         charts=charts,
-        content=content,
+        content=_moving(modes),
         scripts=[ASSETS / "surface.js", ASSETS / "run.js"],
         controls=(ASSETS / "player.html").read_text(encoding="utf-8"),
         facts=list(tables),
@@ -50,34 +45,25 @@ def modes_page(title: str, modes: Modes, changes: Sensitivities | None, sentence
     )
 
 
-def surface_of(structure: Structure) -> Surface:
-    """Return a structure as faces, from the membrane's own origin [m]."""
-    with np.load(io.BytesIO(membrane_shape(structure, structure.table))) as files:
-        known, size = Surface.stored(files), structure.mesh.size if files["size"] >= 0 else 1.0
-    return replace(known, nodes=size * known.nodes, sensor_points=size * known.sensor_points)
-
-
-def _moving(structure: Structure, modes: Modes) -> dict[str, Any]:
+def _moving(modes: Modes) -> dict[str, Any]:
     """Return what the page needs to draw the modes in motion, one after the other."""
-    surface, f = surface_of(structure), modes.frequencies
-    most = MOST_NUMBERS // (3 * FRAMES * len(surface.nodes))
+    linearised, f = modes.linearised, modes.frequencies
+    nodes = linearised.structure.mesh.nodes
+    most = MOST_NUMBERS // (3 * FRAMES * len(nodes))
     shapes = modes.shapes[: max(1, most)]
     sizes: Array = np.linalg.norm(shapes, axis=2)
     largest = sizes.max(axis=1)
     phase = np.cos(2.0 * np.pi * np.arange(FRAMES) / FRAMES)
-    size = float(np.ptp(surface.nodes, axis=0).max())
-    moved = np.einsum("f,mna->mfna", phase, shapes * (DRAWN * size / largest)[:, None, None])
-    places = surface.nodes + modes.linearised.displacement + moved.reshape(-1, *surface.nodes.shape)
-    count = np.arange(len(places))
-    still = np.zeros((len(places), len(structure.setup.regions), 3))
-    values = np.einsum("f,mn->mfn", np.abs(phase), sizes / largest[:, None]).reshape(len(places), -1)
+    size = float(np.ptp(nodes, axis=0).max())
+    moved = np.einsum("f,mna->mfna", phase, shapes * (DRAWN * size / largest)[:, None, None]).reshape(-1, *nodes.shape)
+    count = np.arange(len(moved))
+    values = np.einsum("f,mn->mfn", np.abs(phase), sizes / largest[:, None]).reshape(len(moved), -1)
     colour = {"name": "displacement", "of": "node", "values": values, "ends": [0.0, 1.0], "unit": "of the largest"}
-    drawn = surface_content(ShapeHistory(surface, count.astype(float), places, still), count)
+    names = linearised.structure.zone_names
     return {
         "start": 0.0,
         "end": float(count[-1]),
         "begin": 0,
-        "frames": count.astype(float),
         "instants": [f"mode {k // FRAMES + 1}: {f[k // FRAMES]:.4g} Hz" for k in count],
-        "surface": drawn | {"unit": "m", "marked": False, "names": list(structure.zone_names), "colours": [colour]},
+        **in_space(linearised.structure, count.astype(float), [colour], names, linearised.displacement + moved),
     }

@@ -1,5 +1,5 @@
 """Pages of results: one HTML file each that opens from disk, without a network or a server."""
 
-from .page import PAGE, Html, Page, folded, link, on_page, table, write_page, written
+from .page import PAGE, Page, folded, link, on_page, table, write_page, written
 
-__all__ = ["PAGE", "Html", "Page", "folded", "link", "on_page", "table", "write_page", "written"]
+__all__ = ["PAGE", "Page", "folded", "link", "on_page", "table", "write_page", "written"]
