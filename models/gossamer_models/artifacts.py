@@ -110,7 +110,7 @@ def read_as(
     card = turned(read_artifact(path, schema, version))
     try:
         made: Content = made_from(kind, {name: value for name, value in card.items() if name not in PREAMBLE})
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         msg = f"{path} does not hold a usable {what}: {error}. Identify it again or name another file."
         raise ArtifactError(msg) from error
     return made

@@ -21,11 +21,24 @@ def interrupt(number: int, frame: FrameType | None) -> None:
     there = frame
     while there is not None and hasattr(signal, "setitimer"):
         if there.f_code.co_filename.endswith("casadi.py"):
-            signal.signal(signal.SIGALRM, interrupt)
-            signal.setitimer(signal.ITIMER_REAL, LATER)
+            again()
             return
         there = there.f_back
     signal.default_int_handler(number, frame)
+
+
+def again() -> None:
+    """Interrupt a little later."""
+    signal.signal(signal.SIGALRM, interrupt)
+    signal.setitimer(signal.ITIMER_REAL, LATER)
+
+
+def not_lost(lost: "sys.UnraisableHookArgs") -> None:
+    """Interrupt again if that came where Python passes over exceptions: in a destructor, or in what C calls."""
+    if issubclass(lost.exc_type, KeyboardInterrupt) and hasattr(signal, "setitimer"):
+        again()
+    else:
+        sys.__unraisablehook__(lost)
 
 
 def main() -> None:
@@ -33,6 +46,7 @@ def main() -> None:
     numbers = ending_signals()
     for number in numbers:
         signal.signal(number, interrupt)
+    sys.unraisablehook = not_lost
     try:
         from .cli import main as command_line
 

@@ -127,7 +127,9 @@ def load_results(path: Path) -> xr.Dataset:
         if path.suffix == ".csv":
             return _load_csv(path)
         data = _load_netcdf(path, on_disk=path.stat().st_size > _LOADED)
-    except (OSError, ValueError, TypeError, IndexError, StopIteration) as error:
+        for name in ("connections", "effort", "fmus", "versions"):
+            json.loads(data.attrs.get(name) or "{}")
+    except (OSError, ValueError, TypeError, LookupError, StopIteration) as error:
         reason = str(error).partition("\n")[0]  # what follows advises to install a library for other files
         msg = f"cannot read results from {path}: {reason}. Run the scenario again."
         raise ResultsError(msg) from error

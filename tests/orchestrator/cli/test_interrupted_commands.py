@@ -79,6 +79,18 @@ def test_an_interrupt_waits_until_casadi_has_returned():
     assert reached == ["inside"]
 
 
+def test_an_interrupt_is_not_lost_where_python_passes_over_exceptions():
+    """In a destructor one was printed and forgotten, and the command went on."""
+    code = (
+        "import signal, time\nimport gossamer.__main__ as program, gossamer.cli\n"
+        "class Ends:\n    def __del__(self): signal.raise_signal(signal.SIGTERM)\n"
+        "def command():\n    Ends()\n    time.sleep(60.0)\n"
+        "gossamer.cli.main = command\nprogram.main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30, check=False)
+    assert (done.returncode, done.stderr) == (130, "Interrupted.\n")
+
+
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_command_that_is_interrupted_says_so_and_leaves_no_mixture(prepared, tmp_path, kills, name):
     """By one signal or by two, some time after its begin; it may also have ended before."""

@@ -6,10 +6,12 @@ import cProfile
 import pstats
 import subprocess
 import sys
+from contextlib import suppress
 
 import numpy as np
 import pytest
 import xarray as xr
+from gossamer_orchestrator.errors import ResultsError
 from gossamer_orchestrator.results import files
 from gossamer_orchestrator.results.dataset import RecordedScalar, arrange
 from gossamer_orchestrator.results.files import load_results, save_csv
@@ -81,6 +83,19 @@ def test_results_that_stay_on_the_disk_are_those_that_were_opened(tmp_path, monk
     path.write_bytes(b"another one")
     for rows in (slice(None), slice(2, None, -2), [0, 2], -1):
         assert there.isel(time=rows).load().identical(whole.drop_indexes([*whole.indexes]).isel(time=rows))
+
+
+def test_a_damaged_file_is_refused_or_read_whatever_byte_is_wrong(tmp_path):
+    """A header of any content made the reader of netCDF fail in many ways."""
+    path = write(tmp_path, scalars(2), connections="[]", fmus='{"a": {}}', versions="{}")
+    whole, random = path.read_bytes(), np.random.default_rng(5)
+    for place in random.integers(0, len(whole), 500):
+        path.write_bytes(whole[:place] + random.bytes(1) + whole[place + random.integers(1, 5) :])
+        with suppress(ResultsError):
+            load_results(path).close()
+    path.write_bytes(whole.replace(b'{"a": {}}', b'{"a": \1}}'))
+    with pytest.raises(ResultsError, match=r"cannot read results from .*results.nc: .* Run the scenario again"):
+        load_results(path)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="of /proc")
