@@ -236,12 +236,13 @@ def read_columns(
             "the unit out."
         )
         raise DataError(msg)
+    with_factors = zip(columns, read, strict=False)  # columns may have got their units from the line below the header
     return Measured(
         path=path,
         table=table,
         columns=columns,
-        lines=np.array(lines, dtype=int),
-        values=[columns[k].factor * np.array(column) for k, (_, column, _) in enumerate(read)],
+        lines=np.frombuffer(lines, dtype=int),  # the same memory: of ten million rows a copy counts
+        values=[np.multiply(c.factor, (row := np.frombuffer(column)), out=row) for c, (_, column, _) in with_factors],
         texts=texts,
         unread=unread,
         comma=bool(numbers.commas),
