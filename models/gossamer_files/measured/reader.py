@@ -242,7 +242,7 @@ def read_columns(
         table=table,
         columns=columns,
         lines=np.frombuffer(lines, dtype=int),  # the same memory: of ten million rows a copy counts
-        values=[np.multiply(c.factor, (row := np.frombuffer(column)), out=row) for c, (_, column, _) in with_factors],
+        values=[np.multiply(c.factor, (one := np.frombuffer(column)), out=one) for c, (_, column, _) in with_factors],
         texts=texts,
         unread=unread,
         comma=bool(numbers.commas),
