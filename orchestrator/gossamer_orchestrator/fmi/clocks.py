@@ -7,8 +7,8 @@ active, and the rest of the step follows. Others do not notice: inputs are those
 fractions, which are exact. What belongs to a clock is read and set while it is active, and keeps its value in between;
 before the first tick it has its start value, or what the FMU computes for the start.
 
-An interval that the model description states is the one that is used. ``fmi3SetInterval`` is not called: it would tell the
-FMU another one, which no scenario states, and where it is not called the stated one holds [1]_. One that is not stated is the
+A stated interval is the one that is used. ``fmi3SetInterval`` is not called: it would tell the
+FMU another, which no scenario states, and where it is not called the stated one holds [1]_. One that is not stated is the
 FMU's to give.
 
 References
