@@ -21,6 +21,8 @@ from typing import Any
 
 from .errors import DataError as DataError
 from .errors import GossamerError as GossamerError
+from .errors import NotFiniteError as NotFiniteError
+from .errors import exit_code as exit_code
 from .inputs import check_outputs
 
 STALE = 3600.0  # [s] without a change: its writer was killed
@@ -144,6 +146,20 @@ def as_json(value: Any, otherwise: Callable[[Any], Any] | None = None) -> Any:  
     if otherwise is not None:
         return otherwise(value)
     return as_json(value.tolist()) if hasattr(value, "tolist") else str(value)
+
+
+def read_json(path: Path) -> Any:  # noqa: ANN401
+    """Return the content of a JSON file in UTF-8, whose numbers are finite, or else raise ``NotFiniteError``."""
+    import json
+
+    def number(text: str) -> float:
+        value = float(text.replace("Infinity", "inf"))
+        if not math.isfinite(value):
+            msg = f"it holds {text}, which is not finite"
+            raise NotFiniteError(msg)
+        return value
+
+    return json.loads(path.read_text(encoding="utf-8"), parse_constant=number, parse_float=number)
 
 
 def unfinished_of(path: Path) -> list[Path]:

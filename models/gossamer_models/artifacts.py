@@ -18,11 +18,11 @@ from pathlib import Path
 from typing import Any, TypeVar, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
-from gossamer_files import reason, replacing, write_text
+from gossamer_files import read_json, reason, replacing, write_text
 from numpy.typing import NDArray
 
 from .arrays import Vector
-from .errors import ArtifactError
+from .errors import ArtifactError, NotFiniteError, require
 
 Content = TypeVar("Content")
 PREAMBLE = ("schema", "version", "arrays_sha256")
@@ -110,7 +110,7 @@ def read_as(
     card = turned(read_artifact(path, schema, version))
     try:
         made: Content = made_from(kind, {name: value for name, value in card.items() if name not in PREAMBLE})
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         msg = f"{path} does not hold a usable {what}: {error}. Identify it again or name another file."
         raise ArtifactError(msg) from error
     return made
@@ -146,7 +146,7 @@ def artifact_schema(path: Path) -> str:
 def _card(path: Path) -> dict[str, Any]:
     """Read a card that holds at least its schema and version."""
     try:
-        card = dict(json.loads(path.read_text(encoding="utf-8")))
+        card = dict(read_json(path))
         card["schema"], card["version"]
     except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         msg = f"cannot read the artifact {path}: {reason(error)}. Make it again or name another file."
@@ -170,7 +170,10 @@ def read_arrays(path: Path, card: dict[str, Any]) -> dict[str, Vector]:
             msg = f"{beside} is not the file that {path} was written with: its SHA-256 differs. Make both again."
             raise ArtifactError(msg)
         with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
-            return {name: np.asarray(arrays[name], dtype=float) for name in arrays.files}
+            found = {name: np.asarray(arrays[name], dtype=float) for name in arrays.files}
+        for name, array in found.items():
+            require(np.isfinite(array).all(), f"{name} holds a number that is not finite", NotFiniteError)
+        return found
     except (OSError, ValueError, zipfile.BadZipFile) as error:
         if isinstance(error, ArtifactError):
             raise

@@ -4,7 +4,7 @@ One root, ``GossamerError``; every leaf is also the built-in it resembles. A mes
 fault and ends in what to do next.
 """
 
-from gossamer_files.errors import DataError, GossamerError
+from gossamer_files.errors import DataError, GossamerError, NotFiniteError
 
 __all__ = [
     "ArtifactError",
@@ -13,6 +13,7 @@ __all__ = [
     "DataError",
     "GossamerError",
     "InputError",
+    "NotFiniteError",
     "ParameterError",
     "StateError",
     "require",

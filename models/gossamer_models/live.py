@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Literal, NamedTuple
 
 from .compensator import compensator_model
-from .errors import DataError, require
+from .errors import DataError, NotFiniteError, require
 from .sensor import SensorArtifact
 from .stepper import Stepper
 
@@ -108,7 +108,8 @@ def _is_number(text: str) -> bool:
 
 def _number(text: str, line: int) -> float:
     require(not text or _is_number(text), f"line {line}: {text!r} is no number.", DataError)
-    return float(text or "nan")
+    require(not math.isinf(number := float(text or "nan")), f"line {line}: {text!r} is infinite.", NotFiniteError)
+    return number
 
 
 def _named(cells: list[str], names: list[str]) -> list[int]:

@@ -14,6 +14,7 @@ from gossamer_files import ending_signals
 
 INTERRUPTED = 130  # exit code
 LATER = 0.003  # [s]
+LOST = 10.0  # [s] after which a command that goes on is interrupted again: destructors, C and libraries pass over exceptions
 
 
 def interrupt(number: int, frame: FrameType | None) -> None:
@@ -21,11 +22,25 @@ def interrupt(number: int, frame: FrameType | None) -> None:
     there = frame
     while there is not None and hasattr(signal, "setitimer"):
         if there.f_code.co_filename.endswith("casadi.py"):
-            signal.signal(signal.SIGALRM, interrupt)
-            signal.setitimer(signal.ITIMER_REAL, LATER)
+            interrupt_in(LATER)
             return
         there = there.f_back
+    interrupt_in(LOST)
     signal.default_int_handler(number, frame)
+
+
+def interrupt_in(seconds: float) -> None:
+    """Interrupt later, but not where signals wait for the end of a block, see ``gossamer_files.uninterrupted``."""
+
+    def once_more(number: int, frame: FrameType | None) -> None:
+        if signal.getsignal(signal.SIGINT) is interrupt:
+            interrupt(number, frame)
+        else:
+            interrupt_in(LATER)
+
+    if hasattr(signal, "setitimer"):
+        signal.signal(signal.SIGALRM, once_more)
+        signal.setitimer(signal.ITIMER_REAL, seconds)
 
 
 def main() -> None:

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin
 
 import cyclopts
-from gossamer_files import as_json
+from gossamer_files import as_json, exit_code
 from gossamer_files.inputs import keep, keeping
 from gossamer_files.options import DASHES, STYLE, option
 from gossamer_orchestrator.errors import OrchestratorError
@@ -131,7 +131,7 @@ def _run(words: list[str]) -> int:
         return USAGE
     except (OrchestratorError, KeyboardInterrupt) as error:
         print(str(error) or "Interrupted.", *getattr(error, "__notes__", ()), sep="\n", file=sys.stderr)
-        return error.code if isinstance(error, OrchestratorError) else INTERRUPTED
+        return exit_code(error) if isinstance(error, OrchestratorError) else INTERRUPTED
 
 
 def _answer(found: Any, wants_json: bool) -> int:  # noqa: ANN401

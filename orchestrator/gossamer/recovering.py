@@ -78,7 +78,7 @@ def recover(
 
     artifact, count, gaps = SensorArtifact.read(Path(sensor)), 0, 0
     given = numbers_by_name(assigned(set), "NAME=VALUE", "set")
-    with Path(source).open(encoding="utf-8") as lines:
+    with Path(source).open(encoding="utf-8-sig", errors="replace") as lines:
         write, flush = sys.stdout.write, sys.stdout.flush
         write("time [s],strain [1],deviation [1],delay [s]\n")
         for each in recover_lines(lines, artifact, method, given):

@@ -14,15 +14,7 @@ from gossamer_files.options import option
 
 
 class OrchestratorError(Exception):
-    """Root of every error that the orchestrator raises on purpose.
-
-    Attributes
-    ----------
-    code : int
-        Exit code of a command that ends with it.
-    """
-
-    code = 1
+    """Root of every error that the orchestrator raises on purpose."""
 
 
 def require(condition: object, message: str, error: type[Exception] = OrchestratorError) -> None:
@@ -33,12 +25,6 @@ def require(condition: object, message: str, error: type[Exception] = Orchestrat
 
 class ScenarioError(OrchestratorError, ValueError):
     """A scenario that is incomplete or wrong, or that does not fit its FMUs."""
-
-
-class NotFiniteError(ScenarioError):
-    """A scenario whose inputs hold a number that is not finite."""
-
-    code = 3
 
 
 class FmuError(OrchestratorError, ValueError):

@@ -286,6 +286,7 @@ def test_the_default_artifact_says_where_it_comes_from():
         (lambda card: card["relaxation"][0].update(power=2), "power is 2"),
         (lambda card: card["relaxation"][0]["weights"].pop(), "one weight per decay rate"),
         (lambda card: card["relaxation"][0].update(extra=1), "extra"),
+        (lambda card: card["relaxation"][0]["decay_rates"].__setitem__(1, 10**400), "too large"),
         (lambda card: card.pop("nu"), "nu"),
         (lambda card: card.update(version=3), "version 3"),
         (lambda card: card.update(schema="gossamer.detector"), "gossamer.detector"),

@@ -14,7 +14,7 @@ import fmpy
 from gossamer_models.compiler import compile_shared
 
 EXIT, SEGFAULT, ABORT, OVERFLOW, HANG, NAN, INFINITE, FORK, HANG_WHEN_FREED, CRASH_WHEN_FREED, WAIT = range(1, 12)
-DAEMON, COPY, WRITE = 12, 13, 14
+DAEMON, COPY, WRITE, REFUSE = 12, 13, 14, 15  # the last refuses inputs that are not finite
 SLEEPER = "sleeper"  # an instance of this name never returns from its instantiation
 
 SOURCE = r"""
@@ -93,6 +93,7 @@ EXPORT int fmi2DoStep(void *c, double t, double h, int keep) {
         struct timespec pause = {0, (long)(1e9 * s->inputs[PAUSE])};
         nanosleep(&pause, NULL);
     }
+    if (s->inputs[FAULT] == 15 && !isfinite(s->inputs[U])) return 3;
     s->x += h * (1 + s->inputs[U]);
     if (s->steps++ == (long)s->inputs[AT]) misbehave(s);
     return 0;

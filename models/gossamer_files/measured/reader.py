@@ -21,7 +21,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import DataError, reason
+from .. import DataError, NotFiniteError, reason
 from .columns import DATE, ELONGATION, Column, read_units
 from .text import MISSING, Numbers, Table, open_table, rows_of, why_no_number
 
@@ -32,10 +32,6 @@ LARGEST_RATIO = 1.0  # [1]; more strain, without a stated unit, may be in per ce
 WHOLE_STEP = 1.0  # times without a unit that are whole numbers and at least this far apart may be s, ms or a count
 LONG_STEP = 5.0  # and so may any that are this far apart
 DELIMITERS = {";": "semicolons", "\t": "tabs", " ": "spaces"}
-
-
-class InfiniteError(DataError):
-    """A table that holds an infinite number."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -240,12 +236,13 @@ def read_columns(
             "the unit out."
         )
         raise DataError(msg)
+    with_factors = zip(columns, read, strict=False)  # columns may have got their units from the line below the header
     return Measured(
         path=path,
         table=table,
         columns=columns,
-        lines=np.array(lines, dtype=int),
-        values=[columns[k].factor * np.array(column) for k, (_, column, _) in enumerate(read)],
+        lines=np.frombuffer(lines, dtype=int),  # the same memory: of ten million rows a copy counts
+        values=[np.multiply(c.factor, (one := np.frombuffer(column)), out=one) for c, (_, column, _) in with_factors],
         texts=texts,
         unread=unread,
         comma=bool(numbers.commas),
@@ -259,11 +256,12 @@ def _check_gap(path: Path, line: int, cell: str, value: float, column: Column, *
     if missing and allowed:
         return
     where = f"{path}, line {line}:"
+    if math.isinf(value) or cell.strip().lower().lstrip("+-") == "nan":
+        what = "infinite" if math.isinf(value) else "no number"
+        msg = f"{where} {cell.strip()!r} under {column.name!r} is {what}. Correct or remove the row."
+        raise NotFiniteError(msg)
     if missing:
         msg = f"{where} there is no value under {column.name!r}. Correct or remove the row."
-    elif math.isinf(value):
-        msg = f"{where} {cell.strip()!r} under {column.name!r} is infinite. Correct or remove the row."
-        raise InfiniteError(msg)
     else:
         advice = "Leave the cell empty for a gap" if allowed else why_no_number([cell])
         msg = f"{where} {cell.strip()!r} under {column.name!r} is no number. {advice}."

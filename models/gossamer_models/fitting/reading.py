@@ -28,7 +28,7 @@ from gossamer_files.options import option
 from numpy.typing import NDArray
 
 from ..arrays import Rows, Vector
-from ..errors import DataError
+from ..errors import DataError, NotFiniteError
 from .records import LONGEST_GAP, Quantity, Record, RecordSummary, gaps_of, noise_of
 
 MOST_MISSING = 0.05
@@ -238,7 +238,7 @@ def _drop_missing(samples: _Samples, measured: Measured) -> None:
             f"{samples.path}, line {line}: {missing} of {good.size} samples hold no finite number, more than "
             f"{100 * MOST_MISSING:g} %. It reads {first}. {measured.why_unread()}."
         )
-        raise DataError(msg)
+        raise NotFiniteError(msg)
     which = "sample without a finite number was" if missing == 1 else "samples without a finite number were"
     samples.repairs.append(f"{missing} {which} left out, the first in line {line}: {first}")
     samples.keep(good)

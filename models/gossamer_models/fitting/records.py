@@ -15,7 +15,7 @@ from gossamer_files.options import option
 from numpy.typing import NDArray
 
 from ..arrays import Rows, Vector
-from ..errors import DataError, require
+from ..errors import DataError, NotFiniteError, require
 
 PARTS = 4  # of a training stretch that is cut to predict its later parts
 MOST_LEFT_OUT = 3  # records that are judged by a fit to the others
@@ -165,7 +165,8 @@ class Record:
             problem = f"row {int(np.argmin(np.isfinite(table).all(axis=0)))} holds a value that is not finite"
         elif not self.weight > 0.0:
             problem = f"its weight is {self.weight:g}; leave a record out instead"
-        require(problem is None, f"cannot use record {self.name!r}: {problem}.", DataError)
+        kind = NotFiniteError if problem and "not finite" in problem else DataError
+        require(problem is None, f"cannot use record {self.name!r}: {problem}.", kind)
 
     @property
     def unit(self) -> str | None:

@@ -12,7 +12,7 @@ from gossamer_files.options import option
 from numpy.typing import NDArray
 
 from ..arrays import Vector
-from ..errors import DataError, require
+from ..errors import DataError, NotFiniteError, require
 
 Integers = NDArray[np.int64]
 
@@ -138,7 +138,7 @@ def _surface(name: str, mesh: Any, scale: float) -> MeshFile:  # noqa: ANN401
     nodes[:, : mesh.points.shape[1]] = mesh.points * scale
     if not np.all(np.isfinite(nodes)):
         msg = f"{name} holds a node whose position is not a finite number. Mesh it again."
-        raise DataError(msg)
+        raise NotFiniteError(msg)
     return MeshFile(name, nodes, quadrilaterals, triangles, faces, edges, points)
 
 

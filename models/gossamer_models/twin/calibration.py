@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from gossamer_files import read_json
 from numpy.typing import NDArray
 
 from ..arrays import Matrix, Vector
@@ -143,7 +143,7 @@ class Calibration:
             The file is none.
         """
         try:
-            content = json.loads(path.read_text(encoding="utf-8"))
+            content = read_json(path)
             require((content["schema"], content["version"]) == (SCHEMA, VERSION), "another schema or version", DataError)
             arrays: dict[str, Any] = {name: np.array(content[name], dtype=float) for name in ARRAYS}
             rows: dict[str, Any] = {name: tuple(content[name]) for name in ROWS}

@@ -5,7 +5,6 @@ Symbols: ``d`` inspections, ``z`` zones.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from gossamer_files import read_json
 
 from ..arrays import Matrix, Rows, Vector
 from ..errors import DataError, require
@@ -153,7 +153,7 @@ class InspectionHistory:
 
 def _content(path: Path) -> dict[str, Any]:
     try:
-        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        content: dict[str, Any] = read_json(path)
         missing = {"zones", "damage", "deviation", "bounds", "valid", "doubts"} - content.keys()
     except (OSError, ValueError, AttributeError) as error:
         msg = f"{path} is no answer of a twin: {error}. Write one with 'gossamer twin', or take it out of the folder."

@@ -5,7 +5,6 @@ Symbols: ``x`` unknowns of all records, see ``JointProblem``; ``k`` records, ``z
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -13,6 +12,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
+from gossamer_files import read_json
 from gossamer_files.options import option
 from threadpoolctl import threadpool_limits
 
@@ -67,7 +67,7 @@ class Earlier:
             It is none, or it is not valid.
         """
         try:
-            content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+            content: dict[str, Any] = read_json(path)
             valid, zones = bool(content["valid"]), tuple(map(str, content["zones"]))
             names = ("estimate", "probability", "covariance")
             arrays = {name: np.array(content[name], dtype=float) for name in names} if valid else {}

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from ..arrays import Matrix, Rows, Vector
-from ..errors import DataError, require
+from ..errors import DataError, NotFiniteError, require
 
 LEAST_SAMPLES = 60  # per sensor: fewer cannot tell the damages
 DIFFERENCES = 6  # order of the differences that show noise
@@ -84,7 +84,7 @@ class ResponseRecord:
         if np.isinf(values).any():
             sensor, sample = np.argwhere(np.isinf(values))[0]
             msg = f"sensor {sensor + 1} is infinite at sample {sample + 1}. Write NaN where a value is missing."
-            raise DataError(msg)
+            raise NotFiniteError(msg)
         if self.samples < self.least_samples:
             msg = f"the record has {self.samples} samples; the twin needs {self.least_samples} or more. Record longer."
             raise DataError(msg)

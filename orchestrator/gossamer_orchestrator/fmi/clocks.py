@@ -6,6 +6,14 @@ A clock ticks at its own times, between communication points too: the FMU's own 
 active, and the rest of the step follows. Others do not notice: inputs are those of the step. Times of ticks are sums of
 fractions, which are exact. What belongs to a clock is read and set while it is active, and keeps its value in between;
 before the first tick it has its start value, or what the FMU computes for the start.
+
+A stated interval is the one that is used. ``fmi3SetInterval`` is not called: it would tell the
+FMU another, which no scenario states, and where it is not called the stated one holds [1]_. One that is not stated is the
+FMU's to give.
+
+References
+----------
+.. [1] Functional Mock-up Interface 3.0, 2.2.8.3, fixed and tunable periodic clocks. https://fmi-standard.org/docs/3.0/
 """
 
 from __future__ import annotations
@@ -77,11 +85,13 @@ def read_clocks(fmu: FmuFile) -> list[FmuClock]:
 
 
 def _fraction(stated: Mapping[str, str], what: str) -> Fraction | None:
-    """Return an interval or a shift that a model description states, as a fraction if it does."""
-    if f"{what}Counter" in stated and "resolution" in stated:
-        resolution = int(stated["resolution"])
-        return Fraction(int(stated[f"{what}Counter"]), resolution) if resolution else Fraction(0)  # which is refused by name
-    return Fraction(stated[f"{what}Decimal"]) if f"{what}Decimal" in stated else None
+    """Return an interval or a shift that a model description states, as a fraction if it does; -1 s is refused by name."""
+    try:
+        if f"{what}Counter" in stated and "resolution" in stated:
+            return Fraction(int(stated[f"{what}Counter"]), int(stated["resolution"]))
+        return Fraction(stated[f"{what}Decimal"]) if f"{what}Decimal" in stated else None
+    except (ValueError, ZeroDivisionError):
+        return Fraction(-1)
 
 
 class Clocked(Instance3):

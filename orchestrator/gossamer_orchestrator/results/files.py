@@ -14,6 +14,7 @@ import csv
 import json
 import logging
 import shutil
+import weakref
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
@@ -21,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from gossamer_files import replacing
+from numpy.typing import NDArray
 
 from ..errors import ResultsError, check_path, writing
 from ..names import split_endpoint
@@ -121,16 +123,13 @@ def load_results(path: Path) -> xr.Dataset:
     if path.suffix == ".toml":
         msg = f"{path} is a scenario. Name the folder of its run, out/{path.stem} by default."
         raise ResultsError(msg)
-    import xarray as xr
-
     try:
         if path.suffix == ".csv":
             return _load_csv(path)
-        if path.stat().st_size > _LOADED:  # an index over time would read the whole file
-            data = xr.open_dataset(path, engine="scipy", create_default_indexes=False)
-        else:
-            data = _load_netcdf(path)
-    except (OSError, ValueError, TypeError, IndexError, StopIteration) as error:
+        data = _load_netcdf(path, on_disk=path.stat().st_size > _LOADED)
+        for name in ("connections", "effort", "fmus", "versions"):
+            json.loads(data.attrs.get(name) or "{}")
+    except (OSError, ValueError, TypeError, LookupError, StopIteration) as error:
         reason = str(error).partition("\n")[0]  # what follows advises to install a library for other files
         msg = f"cannot read results from {path}: {reason}. Run the scenario again."
         raise ResultsError(msg) from error
@@ -187,20 +186,59 @@ def has_rows(path: Path) -> bool:
         return file.read(8)[4:] > b"\0\0\0\0"
 
 
-def _load_netcdf(path: Path) -> xr.Dataset:
-    """Read a netCDF file that we wrote whole: as xarray does, without what that needs for each of ten thousand variables."""
+def _load_netcdf(path: Path, *, on_disk: bool) -> xr.Dataset:
+    """Read a netCDF file that we wrote: as xarray does, without what that needs for each of ten thousand variables.
+
+    What stays on the disk is mapped only while it is read, for all that a mapping has shown counts as memory of the program.
+    """
     import xarray as xr
     from scipy.io import netcdf_file
+    from xarray.core.indexing import IndexingSupport, LazilyIndexedArray, explicit_indexing_adapter
+
+    class OnDisk(xr.backends.BackendArray):
+        """Values of one variable in the file."""
+
+        def __init__(self, data: NDArray[Any]) -> None:
+            self.shape, self.dtype = data.shape, data.dtype.newbyteorder("=")
+            whole = data
+            while isinstance(whole.base, np.ndarray):
+                whole = whole.base
+            offset = data.__array_interface__["data"][0] - whole.__array_interface__["data"][0]
+            self._form: Any = {"shape": data.shape, "dtype": data.dtype, "strides": data.strides, "offset": offset}
+
+        def read(self, key: Any) -> NDArray[Any]:  # noqa: ANN401
+            view: NDArray[Any] = np.ndarray(buffer=np.memmap(opened, mode="r"), **self._form)
+            return np.asarray(view[key], dtype=self.dtype)
+
+        def __getitem__(self, key: Any) -> Any:  # noqa: ANN401
+            return explicit_indexing_adapter(key, self.shape, IndexingSupport.OUTER_1VECTOR, self.read)
 
     def attributes(of: Any) -> dict[str, Any]:  # noqa: ANN401
         return {k: v.decode("utf-8", "replace") if isinstance(v, bytes) else v for k, v in of._attributes.items()}
 
-    with netcdf_file(path, mmap=False) as file:
-        variables = {
-            name: (each.dimensions, each.data.astype(each.data.dtype.newbyteorder("="), copy=False), attributes(each))
+    def content(data: NDArray[Any], *, whole: bool) -> Any:  # noqa: ANN401
+        if not on_disk:
+            return data.astype(data.dtype.newbyteorder("="), copy=False)
+        there = OnDisk(data)
+        if not whole:
+            return LazilyIndexedArray(there)
+        found = np.empty(there.shape, there.dtype)
+        for first in range(0, len(found), _CELLS):
+            found[first : first + _CELLS] = there.read(slice(first, first + _CELLS))
+        return found
+
+    with netcdf_file(path, mmap=on_disk) as file:
+        if on_disk:
+            opened = path.open("rb")  # it stays the same file, whatever takes its name
+            weakref.finalize(OnDisk, opened.close)
+        made = {
+            name: xr.Variable(each.dimensions, content(each.data, whole=each.dimensions == (name,)), attributes(each))
             for name, each in file.variables.items()
         }
-        return xr.Dataset(variables, attrs=attributes(file))
+        dims = {name for each in made.values() for name in each.dims}
+        coordinates = {name: made.pop(name) for name in [*made] if name in dims}
+        # an index over time would read it whole
+        return xr.Dataset(made, xr.Coordinates(coordinates, indexes={}) if on_disk else coordinates, attributes(file))
 
 
 def _load_csv(path: Path) -> xr.Dataset:

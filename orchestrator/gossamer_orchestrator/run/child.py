@@ -20,6 +20,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from gossamer_files import exit_code
 from gossamer_files.inputs import OverwriteError, check_outputs, keep, keeping
 
 from ..errors import OrchestratorError, ResultsError, ScenarioError, SimulationError
@@ -31,7 +32,7 @@ from ..scenario.plan import ComponentPlan, Plan, make_plan
 from ..scenario.schema import MASTERS, Connection, Given, Scenario
 from ..scenario.values import changed
 from .master import Observer, Simulation
-from .position import COMPONENT, open_position
+from .position import COMPONENT, NOT_FINITE, open_position
 from .recorder import FiniteCheck, ShapeRecorder
 from .stream import Shared, Stream, check_space, load_checkpoint, restore_checkpoint
 
@@ -146,7 +147,7 @@ def _run(task: RunTask, report: Report) -> None:
             try:
                 simulation.run([stream, FiniteCheck(strict=task.strict), ShapeRecorder(plan, task.out), *observers])
             except OrchestratorError as error:
-                report(error=_describe(error))
+                report(error=_describe(error) | ({"not_finite": True} if position[NOT_FINITE] else {}))
             except KeyboardInterrupt:
                 if position[COMPONENT] < 0:
                     stream.save(simulation)
@@ -170,7 +171,7 @@ def _describe(error: OrchestratorError) -> dict[str, Any]:
     more = {}
     if isinstance(error, SimulationError):
         more = {"component": error.component, "time": error.time, "fatal": error.fatal}
-    return {"kind": type(error).__name__, "message": str(error), "more": more}
+    return {"kind": type(error).__name__, "message": str(error), "more": more, "not_finite": exit_code(error) > 1}
 
 
 def _end_with_parent(control: BinaryIO) -> None:

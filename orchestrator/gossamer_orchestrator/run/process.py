@@ -16,6 +16,7 @@ import time
 from contextlib import suppress
 from typing import Any
 
+from gossamer_files import NotFiniteError
 from gossamer_files.options import option
 
 from .. import errors
@@ -205,6 +206,8 @@ class Process:
             self.outline = Outline(**outline)
         elif error := report.get("error"):
             self.error = self.error or getattr(errors, error["kind"])(error["message"], **error["more"])
+            if error["not_finite"]:
+                self.error.__cause__ = NotFiniteError(error["message"])
         elif bug := report.get("bug"):
             self.error = self.error or RuntimeError(bug)
         self.ended = report.get("ended", self.ended)

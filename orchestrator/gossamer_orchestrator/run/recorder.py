@@ -131,6 +131,7 @@ class FiniteCheck:
 
     def __init__(self, *, strict: bool = False) -> None:
         self._strict = strict
+        self._names: list[tuple[str, str]] = []
 
     def begin(self, simulation: Simulation) -> None:
         """Look up whose values are whose."""
@@ -155,7 +156,10 @@ class FiniteCheck:
                 logger.warning("%s What follows from it means nothing; %s ends the run there.", text, option("strict", True))
 
     def end(self, simulation: Simulation) -> None:
-        """Do nothing."""
+        """Look once more: who is refused a step may have been given what is not finite."""
+        self._strict = False
+        if self._names:
+            self.sample(simulation)
 
 
 class ShapeRecorder:

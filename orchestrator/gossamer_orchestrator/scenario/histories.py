@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from gossamer_files import DataError
-from gossamer_files.measured import Column, InfiniteError, Wanted, factor, named_column, read_columns
+from gossamer_files import DataError, NotFiniteError
+from gossamer_files.measured import Column, Wanted, factor, named_column, read_columns
 from numpy.typing import NDArray
 
-from ..errors import NotFiniteError, ScenarioError, require
+from ..errors import ScenarioError, require
 from ..fmi.file import FmuFile
 from ..fmi.types import FLOATS, TEXTS, Value, conversion, definition_of, parse
 from ..names import split_endpoint, suggest
@@ -95,7 +95,7 @@ def _read(scenario: Scenario, given: Input, fmu: FmuFile, name: str, files: Mapp
     try:
         times, values, unit = (_read_csv if path.suffix == ".csv" else _read_netcdf)(path, given, kind)
     except DataError as error:
-        raise (NotFiniteError if isinstance(error, InfiniteError) else ScenarioError)(str(error)) from error
+        raise ScenarioError(str(error)) from error
     except (OSError, ValueError, KeyError) as error:
         msg = f"column {given.column!r} of {path} cannot be read as {kind}: {str(error).rstrip('.')}. Correct the file."
         raise ScenarioError(msg) from error
@@ -125,7 +125,7 @@ def _read(scenario: Scenario, given: Input, fmu: FmuFile, name: str, files: Mapp
         if not np.isfinite(history).all():
             at = times[int(np.argmin(np.isfinite(history)))]
             msg = f"column {given.column!r} of {path} holds no finite number at {at:g} s. Correct the file."
-            raise NotFiniteError(msg)
+            raise ScenarioError(msg) from NotFiniteError(msg)
     _check_range(history, times, fmu, name, path)
     return History(times, history, linear, given.periodic)
 

@@ -6,6 +6,7 @@ at a time; an array over several lines is closed after each of them to see what 
 
 from __future__ import annotations
 
+import math
 import re
 import tomllib
 from collections import Counter
@@ -16,9 +17,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
+from gossamer_files import NotFiniteError, exit_code
 from gossamer_files.inputs import keep
 
-from ..errors import NotFiniteError, OrchestratorError, ScenarioError, check_path, explain_file, writing
+from ..errors import OrchestratorError, ScenarioError, check_path, explain_file, writing
 from ..names import suggest
 
 Location = tuple[str | int, ...]
@@ -69,6 +71,16 @@ class Source:
         """Tell whether an option gives the value of a key at the top of the file."""
         return (key,) in self.options
 
+    def is_finite(self, location: Location) -> bool:
+        """Tell whether all numbers of the file at a key, or in a table, are finite."""
+        value: Any = tomllib.loads(self.text) if location else {}
+        for place in location:
+            inside = isinstance(value, dict) and place in value
+            inside |= isinstance(value, list) and isinstance(place, int) and place < len(value)
+            value = value[place] if inside else None
+        inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else [value]
+        return all(not isinstance(each, float) or math.isfinite(each) for each in inner)
+
     def where(self, location: Location) -> str:
         """Return ``file:line`` for a key, or for the innermost table around it that is there, or the file's first line.
 
@@ -105,11 +117,13 @@ class Problems:
     source: Source
     found: list[str] = field(default_factory=list)
     note: str = ""
-    kind: type[ScenarioError] = ScenarioError
+    cause: BaseException | None = None  # an error of data, of which the first with a number that is not finite counts
 
     def add(self, location: Location, text: str) -> None:
         """Note a mistake at a key."""
         self.found.append(f"{self.source.where(location)}: {text}")
+        if exit_code(self.cause) == 1 and not self.source.is_finite(location):
+            self.cause = NotFiniteError(self.found[-1])
 
     @contextmanager
     def noting(self, location: Location) -> Iterator[None]:
@@ -118,15 +132,15 @@ class Problems:
             yield
         except OrchestratorError as error:
             self.add(location, str(error))
-            self.kind = type(error) if isinstance(error, NotFiniteError) else self.kind
+            self.cause = self.cause if exit_code(self.cause) > 1 else error
 
     def raise_if_any(self) -> None:
         """Raise ``ScenarioError`` with every mistake on a line of its own."""
         if self.found:
-            error = self.kind("\n".join(dict.fromkeys(self.found)))
+            error = ScenarioError("\n".join(dict.fromkeys(self.found)))
             if self.note:
                 error.add_note(self.note)
-            raise error
+            raise error from self.cause
 
 
 LONGEST = 200  # characters of a value in a message

@@ -129,3 +129,13 @@ def test_a_sensor_that_feels_temperature_needs_it_and_recovers_the_same_strain_w
     assert np.abs(found - read[1]).max() < 1e-9
     with pytest.raises(DataError, match=r"line 1 has 2 columns: .* The sensor takes time, resistance, temperature"):
         list(recover_lines(["0,1000"], sensor))
+
+
+@pytest.mark.parametrize(("begin", "says"), [(b"\xef\xbb\xbf", ""), (b"0.01,1\xbf0\n", "line 1: '1\ufffd0' is no number")])
+def test_a_stream_may_begin_with_a_byte_order_mark_and_noise_on_its_line_is_refused(artifact, tmp_path, begin, says):
+    path = tmp_path / "lines.csv"
+    path.write_bytes(begin + b"0.02,100.0\n0.04,100.1\n")
+    result = invoke(["recover", str(artifact), str(path)])
+    assert result.exit_code == (1 if says else 0)
+    assert says in result.stderr
+    assert says or len(result.stdout.splitlines()) == 3

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import cProfile
 import pstats
+import subprocess
+import sys
+from contextlib import suppress
 
 import numpy as np
 import pytest
 import xarray as xr
+from gossamer_orchestrator.errors import ResultsError
+from gossamer_orchestrator.results import files
 from gossamer_orchestrator.results.dataset import RecordedScalar, arrange
 from gossamer_orchestrator.results.files import load_results, save_csv
 from gossamer_orchestrator.results.netcdf import GrowingFile, make_file
@@ -67,3 +72,50 @@ def test_a_title_that_reads_like_an_attribute_harms_no_results(tmp_path, word):
     with xr.open_dataset(path, engine="scipy", decode_times=False) as data:
         assert (data.attrs["title"], data.attrs["scenario"], data.attrs["ended"]) == (word, word, "complete")
         assert data.attrs["divided_steps"] == 2
+
+
+def test_results_that_stay_on_the_disk_are_those_that_were_opened(tmp_path, monkeypatch):
+    path = write(tmp_path, [*scalars(2), *(RecordedScalar(f"b.w[{i},2]", "Pa", "", "grid") for i in (1, 2))], scenario="")
+    whole = load_results(path)
+    monkeypatch.setattr(files, "_LOADED", 0)
+    there = load_results(path)
+    path.replace(tmp_path / "moved.nc")
+    path.write_bytes(b"another one")
+    for rows in (slice(None), slice(2, None, -2), [0, 2], -1):
+        assert there.isel(time=rows).load().identical(whole.drop_indexes([*whole.indexes]).isel(time=rows))
+
+
+def test_a_damaged_file_is_refused_or_read_whatever_byte_is_wrong(tmp_path):
+    """A header of any content made the reader of netCDF fail in many ways."""
+    path = write(tmp_path, scalars(2), connections="[]", fmus='{"a": {}}', versions="{}")
+    whole, random = path.read_bytes(), np.random.default_rng(5)
+    for place in random.integers(0, len(whole), 500):
+        path.write_bytes(whole[:place] + random.bytes(1) + whole[place + random.integers(1, 5) :])
+        with suppress(ResultsError):
+            load_results(path).close()
+    path.write_bytes(whole.replace(b'{"a": {}}', b'{"a": \1}}'))
+    with pytest.raises(ResultsError, match=r"cannot read results from .*results.nc: .* Run the scenario again"):
+        load_results(path)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="of /proc")
+def test_results_that_stay_on_the_disk_take_memory_for_a_part_of_them_only(tmp_path):
+    header, layout = make_file(scalars(6), {"schema": "gossamer.results", "version": 1, "step": 0.1})
+    path = tmp_path / "results.nc"
+    path.write_bytes(header)
+    file = GrowingFile(path, layout)
+    for first in range(0, 2_000_000, 100_000):
+        file.append(np.column_stack([first + np.arange(1e5), *np.ones((6, 100_000))]))
+    file.end("complete", 1.5, (0, 0))
+    code = (
+        "from pathlib import Path; import numpy as np, sys; from gossamer_orchestrator.results.files import load_results\n"
+        "def peak(): return int(Path('/proc/self/status').read_text().split('VmHWM:')[1].split()[0]) / 1e3\n"
+        "load_results(Path(sys.argv[1])).close(); before = peak(); data = load_results(Path(sys.argv[1]))\n"
+        "sums = [float(data['a.y_5'][k : k + 100_000].sum()) for k in range(0, 2_000_000, 100_000)]\n"
+        "print(sum(sums), peak() - before)"
+    )
+    total, grown = map(
+        float, subprocess.run([sys.executable, "-c", code, path], check=True, capture_output=True).stdout.split()
+    )
+    assert total == 2e6
+    assert grown < 40.0  # [MB], of a file of 112

@@ -112,6 +112,17 @@ def test_an_interval_that_is_none_is_refused_by_name(reference_fmus):
         run_scenario(scenario, reference_fmus)
 
 
+@pytest.mark.parametrize(("what", "wrong"), [
+    ("shiftDecimal", "-0.05"), ("shiftDecimal", "nan"), ("shiftDecimal", "soon"), ("shiftDecimal", "1/0"),
+    ("intervalDecimal", "0.0"), ("intervalDecimal", "-0.1"), ("intervalDecimal", "inf"), ("intervalDecimal", ""),
+])  # fmt: skip
+def test_a_shift_or_an_interval_that_makes_no_sense_is_refused_by_the_name_of_its_clock(rewritten, what, wrong):
+    right = {"shiftDecimal": "0.05", "intervalDecimal": "0.1"}[what]
+    folder = rewritten("Ticking3", f'{what}="{right}"'.encode(), f'{what}="{wrong}"'.encode())
+    with pytest.raises(SimulationError, match=r"clock 'clock_sampled' no interval above 0 s and no shift of 0 s or more"):
+        run_scenario(alone("c"), folder)
+
+
 def test_a_container_refuses_clocks_by_name_and_an_ssp_keeps_them(reference_fmus, tmp_path, caplog):
     with pytest.raises(ScenarioError, match=r"'Ticking3' has clocks, which a container does not tick: clock_sampled"):
         build_container(alone(), reference_fmus, tmp_path / "c.fmu")

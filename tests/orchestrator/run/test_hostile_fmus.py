@@ -90,6 +90,22 @@ def test_a_run_with_values_that_are_not_finite_ends_with_exit_code_3_and_says_so
     assert "No valid judgement" in (tmp_path / "out/report.html").read_text()
 
 
+@pytest.mark.parametrize(("options", "fault", "why"), [
+    ((), faults.REFUSE, "component 'next' failed"), (("--strict",), 0, "component 'bad' returned y[1] = nan at t = 0.021 s"),
+])  # fmt: skip
+def test_a_run_that_ends_because_of_them_ends_with_exit_code_3_too(hostile, tmp_path, options, fault, why):
+    (tmp_path / "it.toml").write_text(
+        f'step = 0.001\nstop = 0.03\n[components.bad]\nfmu = "hostile"\ninputs = {{ u = 0.0 }}\n'
+        f"parameters = {{ fault = {faults.NAN}, at = 20 }}\n"
+        f'[components.next]\nfmu = "hostile"\nparameters = {{ fault = {fault} }}\n'
+        '[[connections]]\nfrom = "bad.y[1]"\nto = "next.u"\n'
+    )
+    result = invoke(["run", tmp_path / "it.toml", "--fmus", hostile, "--out", tmp_path / "out", *options])
+    assert result.exit_code == 3, result.output
+    assert why in result.stderr
+    assert "component 'bad' returned y[1] = nan" in result.stderr
+
+
 def test_strict_ends_the_run_there(hostile, beside, tmp_path):
     with pytest.raises(SimulationError, match=r"'bad' returned y\[1\] = nan at t = 0.021 s"):
         run_scenario(beside(f"fault = {faults.NAN}, at = 20"), hostile, tmp_path, strict=True)
