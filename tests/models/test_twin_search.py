@@ -1,11 +1,15 @@
 """The search of the twin: what its starts find where little is recorded, and what no fit of a right model shows."""
 
+import os
+import signal
 from dataclasses import replace
+from threading import Event, Timer
 
 import numpy as np
 import pytest
 from gossamer_models.membrane import square_structure
 from gossamer_models.twin import MembraneForward, ResponseRecord, Twin
+from gossamer_models.twin.forward import side_by_side
 
 pytest.importorskip("ziglang", reason="the twin needs the compiler for its speed")
 
@@ -55,3 +59,20 @@ def test_a_sensor_that_dies_early_is_left_out():
     assert answer.valid
     assert answer.left_out == (3,)
     assert abs(answer.damage[5] - 0.3) < 3.0 * answer.deviation[5]
+
+
+def test_an_interrupt_does_not_wait_for_fits_that_run_side_by_side():
+    """They waited for the end of every search that had begun: minutes, in which a command seemed not to end."""
+    goes_on, handler = Event(), signal.getsignal(signal.SIGINT)
+    timers = Timer(0.1, os.kill, (os.getpid(), signal.SIGINT)), Timer(30.0, goes_on.set)
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # what runs in the background of a shell ignores it
+    try:
+        for timer in timers:
+            timer.start()
+        with pytest.raises(KeyboardInterrupt):
+            side_by_side(lambda _: goes_on.wait(), [1, 2])
+        assert not goes_on.is_set()
+    finally:
+        timers[1].cancel()
+        goes_on.set()
+        signal.signal(signal.SIGINT, handler)

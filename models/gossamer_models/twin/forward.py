@@ -6,12 +6,13 @@ Symbols: ``z`` zones, ``s`` sensors, ``m`` cases, ``n`` samples, ``k`` load stat
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
 from threading import Lock
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,6 +24,8 @@ from ..errors import ParameterError, require
 from ..membrane import Equilibria, Equilibrium, Fault, Structure, first_period, membrane_model, square_structure
 from ..membrane.gauges import Gauges
 
+S = TypeVar("S")
+T = TypeVar("T")
 LANES = 8  # cases that advance at once
 WORKERS = os.cpu_count() or 1  # threads of a simulation of many cases
 MEMORY = 2**24  # numbers of one recording
@@ -290,6 +293,17 @@ class MembraneForward:
         start |= {name: np.broadcast_to(values, (m, k)).ravel() for name, values in histories.items()}
         with self._solving:  # it keeps what it has found
             return self._equilibrium.solve({**self._given, **start, "damage": np.repeat(damage, k, axis=0)})
+
+
+def side_by_side(what: Callable[[S], T], each: Sequence[S]) -> list[T]:
+    """Return what a function gives of each, in threads where there are several; an interrupt does not wait for them."""
+    if len(each) < 2:
+        return [what(one) for one in each]
+    pool = ThreadPoolExecutor(WORKERS)
+    try:
+        return list(pool.map(what, each))
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
 
 
 def forward_of(structure: Structure | Forward | None, parameters: Mapping[str, float] | None) -> Forward:

@@ -7,14 +7,13 @@ damages of the last inspection, in units of their deviations, then what each rec
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Matrix, Rows, Vector
-from .forward import WORKERS, Forward
+from .forward import Forward, side_by_side
 from .least_squares import LeastSquares, Point
 from .nuisances import BEYOND, LASTING, MODULUS, SCALES, number_of, root_of
 from .problem import RecordProblem
@@ -150,9 +149,8 @@ class JointProblem(LeastSquares):
 
     def predict(self, x: Matrix) -> Matrix:
         """Return weighed predictions of all records, shape (m, 1, values)."""
-        with ThreadPoolExecutor(WORKERS) as pool:
-            found = pool.map(lambda k: self._weighed(k, x), range(len(self.problems)))
-            return np.concatenate(list(found), axis=1)[:, None]
+        found = side_by_side(lambda k: self._weighed(k, x), range(len(self.problems)))
+        return np.concatenate(found, axis=1)[:, None]
 
     def _weighed(self, k: int, x: Matrix) -> Matrix:
         problem, rows = self.problems[k], self.rows(k, x)

@@ -6,13 +6,12 @@ Symbols: ``s`` sensors, ``z`` zones; ``y`` readings; ``x`` onset [steps] and z d
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..arrays import Matrix, Rows, Vector
-from .forward import WORKERS
+from .forward import side_by_side
 from .least_squares import DAMAGE_STEP, MOST_DAMAGE, LeastSquares, Minimum, Quadratic, bounded_minimum, descend
 from .simulation import Place, SensedForward
 from .weights import RecordWeights
@@ -173,5 +172,5 @@ class OnsetProblem(LeastSquares):
 
     def _deepest(self, starts: list[Vector], free: Rows, most: int = 12) -> Minimum:
         """Descend from some starts, in parallel; return the minimum with the smallest chi2."""
-        with ThreadPoolExecutor(WORKERS) as pool:
-            return min(pool.map(lambda start: descend(self, start, free, most), starts), key=lambda found: found.point.chi2)
+        found = side_by_side(lambda start: descend(self, start, free, most), starts)
+        return min(found, key=lambda each: each.point.chi2)

@@ -6,18 +6,16 @@ Symbols: ``x`` unknowns, first the damages.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Matrix, Rows, Vector
 from ..errors import ConvergenceError
-from .forward import WORKERS
+from .forward import side_by_side
 from .groups import UNRESOLVED
 from .least_squares import MOST_DAMAGE, NEGLIGIBLE, PRIOR_DEVIATION, Minimum, Point, Quadratic, change, descend
 from .nuisances import BEYOND, FACTORS, MODULUS
@@ -25,8 +23,6 @@ from .oddities import chi2_bound, oddity
 from .problem import RecordProblem
 from .zone_sets import MOST_RIVALS, THRESHOLD, Alternatives, Box, alternatives, drop_zones, price
 
-S = TypeVar("S")
-T = TypeVar("T")
 ROUGH = 1.0  # of chi2: where a stage may stop that another follows
 MOST_CHANGES = 4  # of the zones that are kept
 MOST_STARTS = 4  # after the first
@@ -302,14 +298,6 @@ def from_priors(fit: Fit, *, sparse: bool) -> list[Fit]:
         return []
     other = ended(fit.problem, Begun(_unknowns(fit.problem, fit.point.x[:zones]), fit.early_chi2), sparse=sparse)
     return [] if other is None or not elsewhere(other, fit) else [other]
-
-
-def side_by_side(what: Callable[[S], T], each: Sequence[S]) -> list[T]:
-    """Return what a function gives of each, in threads where there are several."""
-    if len(each) < 2:
-        return [what(one) for one in each]
-    with ThreadPoolExecutor(WORKERS) as pool:
-        return list(pool.map(what, each))
 
 
 def elsewhere(fit: Fit, best: Fit) -> bool:

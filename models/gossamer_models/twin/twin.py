@@ -26,7 +26,7 @@ from .colour import in_colour, of_noise
 from .correction import corrected
 from .discrepancy import Discrepancy, default_discrepancy, is_learned, is_load_learned
 from .faults import with_faults
-from .forward import Forward, MembraneForward, faults_of, forward_of
+from .forward import Forward, MembraneForward, faults_of, forward_of, side_by_side
 from .groups import groups_of, untold, without_nuisances
 from .mesh_error import MeshError, MeshErrors
 from .nuisances import (
@@ -57,7 +57,7 @@ from .record import (
     other_wirings,
     without_still,
 )
-from .search import Fit, again, begun, elsewhere, ended, from_priors, in_groups, misfit, search, side_by_side
+from .search import Fit, again, begun, elsewhere, ended, from_priors, in_groups, misfit, search
 from .second_look import Parted, parted
 from .simulation import SensedForward, SensorBank
 from .unknowns import DamageUnknowns
