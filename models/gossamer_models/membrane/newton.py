@@ -123,8 +123,9 @@ class Newton:
         begin : ndarray, shape (3 M,), optional
             Displacements to begin with [m]; None for the place of the mesh.
         """
+        u, p = self.given
         q = np.zeros(len(self._stiffness)) if begin is None else begin
-        return self._by_any_steps(*self.given, q) if len(self.free) else None  # else all nodes are held
+        return self._by_any_steps(u, p, q) if len(self.free) else None  # else all nodes are held
 
     def _by_any_steps(self, u: Vector, p: Vector, begin: Vector) -> Vector | None:
         """Return the equilibrium that the energy falls to, or that forces are released to where there are beams."""
