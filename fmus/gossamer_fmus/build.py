@@ -169,7 +169,7 @@ def build_models(
         if TABLES_FILE in code:
             members[f"resources/{TABLES_FILE}"] = code.pop(TABLES_FILE)
         described = {"modelDescription.xml": model_description(model, "", fmi=fmi, native=native)}
-        guid = _identifier(members | code | described)
+        guid = identifier(members | code | described)
         codes[name] = with_guid(code, guid) if native else {}
         members |= {f"sources/{file}": content for file, content in codes[name].items()}
         members["modelDescription.xml"] = model_description(model, guid, fmi=fmi, native=native)
@@ -221,7 +221,7 @@ def _resources(model: StepModel, native: bool) -> dict[str, bytes]:
     return {f"resources/{name}": data for name, data in files.items()}
 
 
-def _identifier(members: Mapping[str, bytes]) -> str:
+def identifier(members: Mapping[str, bytes]) -> str:
     """Return the guid of some files, given by name."""
     content = hashlib.sha256()
     for name, data in sorted(members.items()):

@@ -12,6 +12,7 @@ The sources of an FMU are one translation unit::
     elements.h          each element's function, written by CasADi and made safe for lanes, and the table of loops; compiled
                         for each set of instructions
     tables.h            how it reads the numbers that are too many for its text, ``resources/tables.bin`` of the FMU
+    resources.h         where that is
 """
 
 from __future__ import annotations
@@ -70,7 +71,7 @@ def sources(model: StepModel, guid: str, fmi: FmiVersion) -> dict[str, bytes]:
         sizes = table_sizes(model.tables)
     if tables:
         sizes |= {"TABLES_FILE": f'"{TABLES_FILE}"', "TABLES_CHECKSUM": zlib.crc32(tables)}
-        files |= {"tables.h": (here / "tables.h").read_bytes(), TABLES_FILE: tables}
+        files |= {name: (here / name).read_bytes() for name in ("tables.h", "resources.h")} | {TABLES_FILE: tables}
     # factors of large membranes do not fit on the stack of a host's thread
     files["functions.h"] = _FACTORS.sub(r"\1static _Thread_local \2", code).encode()
     return files | {"model.h": _model_header(model, guid, functions, sizes).encode()}

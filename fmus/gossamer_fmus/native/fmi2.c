@@ -86,7 +86,9 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
 }
 
 void fmi2FreeInstance(fmi2Component c) {
-  if (c) tables_close();
+  if (!c) return;
+  MODEL_END(&((Instance *)c)->stepper);
+  tables_close();
   free(c);
 }
 
