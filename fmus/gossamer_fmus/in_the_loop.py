@@ -44,7 +44,7 @@ enable=on,target=native
 -kernel
 {{resources}}/{name}.elf
 """
-_SOURCES = ("fmi2.c", "stepper.h", "state.h", "resources.h")
+_SOURCES = ("fmi2.c", "stepper.h", "state.h", "instance.h", "resources.h")
 _WITHOUT = (
     "canHandleVariableCommunicationStepSize",
     "canGetAndSetFMUstate",

@@ -78,6 +78,7 @@ def flight(
     float: Literal[64, 32] = 64,
     measure: bool = False,
     hil: bool = False,
+    framework: Literal["fprime", "cfs"] | None = None,
 ) -> FlightCode:
     """Write a compensator or the detector as C for a flight processor.
 
@@ -103,6 +104,8 @@ def flight(
         Debian's gcc-arm-none-eabi, libnewlib-arm-none-eabi and qemu-system-arm.
     hil
         Also write an FMU that runs it on an emulated Cortex-M7, sample by sample; needs the same programs.
+    framework
+        Also write it as a component of F Prime or as an application of cFS, in a folder of its own.
 
     Returns
     -------
@@ -119,11 +122,12 @@ def flight(
 
         gossamer flight estimator --artifact out/mine/sensor.json --out out/flight --measure
 
-        gossamer flight compensator --hil
+        gossamer flight compensator --hil --framework fprime
     """
     from gossamer_fmus.catalogue import make_model
     from gossamer_fmus.flight import flight_files, golden_vectors
     from gossamer_fmus.flight_budgets import budgets, require_tools
+    from gossamer_fmus.frameworks import framework_files
     from gossamer_fmus.in_the_loop import write_fmu_in_the_loop
 
     if measure or hil:
@@ -133,9 +137,13 @@ def flight(
     model = make_model(kind, **given)
     vectors, golden = golden_vectors(model, None if kind == "detector" else make_model("sensor", **given))
     files = flight_files(model, kind, vectors, golden, float)
+    if framework is not None:
+        own = {name: files[name] for name in (f"{kind}.c", f"{kind}.h", f"{kind}_math.h", f"{kind}_table.h")}
+        own |= framework_files(model, kind, framework, float)
+        files |= {f"{framework}/{name}": content for name, content in own.items()}
     check_outputs(folder / name for name in files)
-    folder.mkdir(parents=True, exist_ok=True)
     for name, content in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(content)
     (folder / "budgets.json").unlink(missing_ok=True)  # of another component
     (folder / f"{kind}.fmu").unlink(missing_ok=True)

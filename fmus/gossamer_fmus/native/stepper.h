@@ -6,7 +6,7 @@
        step(x, u, p, h) -> (x_next, y)   u holds at the end of the step
 
    model.h holds the table of variables, functions.h the C code that CasADi generated from the model's expressions. A
-   Stepper holds all the memory it needs; nothing is global, so instances may run in different threads. A function that
+   Stepper holds all the memory it needs; nothing that changes is shared, so instances may run in different threads. A function that
    returns a bool either does what it says and returns true, or writes a message that says why not, returns false and
    leaves the state as it was. Everything is static or carries the model's name, so that sources of several FMUs can be
    linked into one program; define FMI2_FUNCTION_PREFIX or FMI3_FUNCTION_PREFIX for that, as the standard says. */
