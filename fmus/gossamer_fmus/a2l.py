@@ -35,11 +35,11 @@ _MANIFEST = """<?xml version="1.0" encoding="UTF-8"?>
 FMUs, which can either provide an XCP service or allow direct memory access via A2L files."
   containsXcpService="false" supportsDirectMemoryAccessViaA2L="true"/>
 """
-_DOCUMENT = """The A2L files describe the memory of this FMU for an XCP service of the importer. The FMU holds none, so there is no
-IF_DATA XCP. Addresses are relative to the base address of the loaded binary. They are those of the instance that is made first
-in a process; others are allocated, and no address of them is known before. All values are doubles of 8 bytes, lowest byte
-first. Read at communication points. A parameter that is written while the model runs holds from the next step on, and its range
-is not checked; what is computed from it when the initialization ends is not computed again.
+_DOCUMENT = """The A2L files describe the memory of this FMU for an XCP service of the importer. The FMU holds none, so there
+is no IF_DATA XCP. Addresses are relative to the base address of the loaded binary. They are those of the instance that is
+made first in a process; others are allocated, and no address of them is known before. All values are doubles of 8 bytes,
+lowest byte first. Read at communication points. A parameter that is written while the model runs holds from the next step,
+and its range is not checked; what is computed from it when the initialization ends is not computed again.
 """
 
 

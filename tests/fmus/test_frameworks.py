@@ -1,8 +1,10 @@
 """Components in F Prime and cFS: F Prime's tools accept the model, and the code runs against stubs of both interfaces."""
 
+import os
 import re
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -12,9 +14,9 @@ from gossamer_fmus.frameworks import framework_files
 
 SPACE = "' '"
 STUBS = Path(__file__).parent / "frameworks"
-needs_tools = pytest.mark.skipif(
-    not (shutil.which("fpp-check") and shutil.which("fpp-to-cpp")), reason="no fprime-fpp-check or fprime-fpp-to-cpp here"
-)
+PLACES = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+CHECK, TO_CPP = (shutil.which(name, path=PLACES) for name in ("fpp-check", "fpp-to-cpp"))
+needs_tools = pytest.mark.skipif(not (CHECK and TO_CPP), reason="no fprime-fpp-check or fprime-fpp-to-cpp here")
 needs_compiler = pytest.mark.skipif(not (shutil.which("gcc") and shutil.which("g++")), reason="no gcc here")
 
 
@@ -51,7 +53,7 @@ def written(tmp_path_factory):
 @pytest.mark.parametrize("kind", ["compensator", "estimator", "filter", "detector"])
 def test_fpp_accepts_the_model_and_it_holds_the_table_of_variables(written, kind):
     folder = written(kind, "fprime")
-    run("fpp-check", "Fw.fpp", f"{kind.capitalize()}.fpp", folder=folder)
+    run(CHECK, "Fw.fpp", f"{kind.capitalize()}.fpp", folder=folder)
     text = (folder / f"{kind.capitalize()}.fpp").read_text()
     for v in make_model(kind).variables:
         name = v.name.partition("[")[0]
@@ -72,7 +74,7 @@ def test_a_channel_has_unit_and_limits(written):
 def declared_base(folder, kind):
     """A base class with the declarations that F Prime's own tool wrote, which prints what is called."""
     name = kind.capitalize()
-    run("fpp-to-cpp", "-i", "Fw.fpp", f"{name}.fpp", folder=folder)
+    run(TO_CPP, "-i", "Fw.fpp", f"{name}.fpp", folder=folder)
     text = re.sub(r"//!?.*", "", (folder / f"{name}ComponentAc.hpp").read_text())
     found = re.findall(
         r"^ +((?:virtual )?[\w:]+) (tlmWrite_\w+|log_\w+|paramGet_\w+|resultOut_out|isConnected_resultOut_OutputPort|"
