@@ -1,7 +1,6 @@
 """FMI-LS-XCP: where the values of native FMUs lie, against their memory and against other readers of binaries and of A2L."""
 
 import ctypes
-import os
 import re
 import subprocess
 import sys
@@ -16,10 +15,6 @@ from gossamer_fmus import NAMES, build_all
 from gossamer_fmus.a2l import FOLDER, VALUES_OFFSET
 
 pytest.importorskip("ziglang", reason="native FMUs need the compiler ziglang")
-
-ENTRY = re.compile(
-    r'^/begin (MEASUREMENT|CHARACTERISTIC) (\S+) "((?:[^"\\]|\\.)*)" .*? (unit_\d+) 0 (?:0 )?(\S+) (\S+) .*', re.MULTILINE
-)
 
 
 def members_of(path):
@@ -121,40 +116,38 @@ def test_addresses_of_every_platform_are_those_that_another_reader_finds(tmp_pat
     assert {name: next(iter(addresses(text.decode()).values())) for name, text in written.items()} == first_value
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_a_parser_of_a2l_reads_each_file_as_it_was_meant(built, tmp_path, name):
+def test_a_parser_of_a2l_reads_every_file_as_it_was_meant(built, tmp_path):
     """In a process of its own: its database writes where it is run."""
     if find_spec("pya2l") is None:
         pytest.skip("the parser pya2ldb is not installed")
-    model = model_of(name)
-    (tmp_path / "one.a2l").write_bytes(members_of(built("native")[name])[f"{FOLDER}/linux64/{model.name}.a2l"])
+    for name, path in built("native").items():
+        (tmp_path / f"{name}.a2l").write_bytes(members_of(path)[f"{FOLDER}/linux64/{model_of(name).name}.a2l"])
     code = (
-        "import pya2l; from pya2l import model\n"
-        "s = pya2l.import_a2l('one.a2l')\n"
-        "units = {c.name: c.unit for c in s.query(model.CompuMethod).all()}\n"
-        "rows = [(m.name, m.ecu_address.address, m) for m in s.query(model.Measurement).all()]\n"
-        "rows += [(m.name, m.address, m) for m in s.query(model.Characteristic).all()]\n"
-        "for n, a, m in sorted(rows, key=lambda row: row[1]):\n"
-        "    row = (type(m).__name__, n, a, units[m.conversion], m.lowerLimit, m.upperLimit, m.symbol_link.offset)\n"
-        "    print('row', *row, sep='\\t')\n"
+        "import pya2l, sys; from pya2l import model\n"
+        "for name in sys.argv[1:]:\n"
+        "    s = pya2l.import_a2l(name + '.a2l')\n"
+        "    units = {c.name: c.unit for c in s.query(model.CompuMethod).all()}\n"
+        "    rows = [(m.ecu_address.address, m) for m in s.query(model.Measurement).all()]\n"
+        "    rows += [(m.address, m) for m in s.query(model.Characteristic).all()]\n"
+        "    for a, m in sorted(rows, key=lambda row: row[0]):\n"
+        "        ends = m.lowerLimit, m.upperLimit\n"
+        "        row = (type(m).__name__, m.name, a, units[m.conversion], *ends, m.symbol_link.offset)\n"
+        "        print('row', name, *row, sep='\\t')\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", code],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-        env=os.environ,
-    )
+    command = [sys.executable, "-W", "ignore", "-c", code, *NAMES]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
-    rows = [line.split("\t")[1:] for line in done.stdout.splitlines() if line.startswith("row")]
-    assert len(rows) == len(model.variables)
-    for k, (v, (kind, label, address, unit, low, high, offset)) in enumerate(zip(model.variables, rows, strict=True)):
-        assert kind == ("Characteristic" if v.causality == "parameter" else "Measurement")
-        assert (label, unit, int(offset)) == (a2l_name(v.name), v.unit, VALUES_OFFSET + 8 * k)
-        assert int(address) == int(rows[0][2]) + 8 * k
-        assert float(low) == (-sys.float_info.max if v.minimum is None else v.minimum)
-        assert float(high) == (sys.float_info.max if v.maximum is None else v.maximum)
+    printed = [line.split("\t")[1:] for line in done.stdout.splitlines() if line.startswith("row")]
+    for name in NAMES:
+        rows = [row for which, *row in printed if which == name]
+        variables = model_of(name).variables
+        assert len(rows) == len(variables)
+        for k, (v, (kind, label, address, unit, low, high, offset)) in enumerate(zip(variables, rows, strict=True)):
+            assert kind == ("Characteristic" if v.causality == "parameter" else "Measurement")
+            assert (label, unit, int(offset)) == (a2l_name(v.name), v.unit, VALUES_OFFSET + 8 * k)
+            assert int(address) == int(rows[0][2]) + 8 * k
+            assert float(low) == (-sys.float_info.max if v.minimum is None else v.minimum)
+            assert float(high) == (sys.float_info.max if v.maximum is None else v.maximum)
 
 
 def test_the_manifest_says_that_an_importer_may_read_the_memory(built):
