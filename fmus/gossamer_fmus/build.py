@@ -10,6 +10,7 @@ A native FMU also holds its C code and the compiled binaries::
 
     binaries/<platform>/<name>.<so|dll|dylib>
     sources/, resources/tables.bin           see ``c_code``
+    extra/org.fmi-standard.fmi-ls-xcp/       see ``a2l``
 
 A Python FMU holds pythonfmu's library, one generic slave, and the serialized step model instead, laid out as pythonfmu 0.7.0
 does it (its own builder stamps times and random identifiers, and leaves the module search path changed)::
@@ -45,6 +46,7 @@ from gossamer_files import MIXED, replacing, uninterrupted, write_archive
 from gossamer_files.options import option
 from gossamer_models import GossamerError, ParameterError, StepModel
 
+from .a2l import VALUES_OFFSET, descriptions
 from .c_code import TABLES_FILE, sources, with_guid
 from .catalogue import NAMES, ModelOptions, make_model, package_folder
 from .compiler import choose_platforms, compile_library
@@ -54,7 +56,7 @@ from .reference import references
 
 _NAMESPACE = uuid.UUID("6f2ad6c2-5a57-5d3c-9c1d-2f4a3c1f6d10")
 _HEAD = 8 + 16 + 4  # of a state: magic, digest and checksum [byte], in both kinds
-_BEFORE = {True: 4 * 8, False: 1}  # the variables: in C (stepper.h, State) and in Python (stepper.py)
+_BEFORE = {True: VALUES_OFFSET, False: 1}  # the variables: in C (stepper.h, State) and in Python (stepper.py)
 _STEP_FILES = ("errors.py", "variables.py", "step_model.py", "stepper.py")
 _PYTHONFMU_FILES = ("_version.py", "default_experiment.py", "enums.py", "fmi2slave.py", "logmsg.py", "variables.py")
 # pythonfmu 0.7.0 runs this text again for every instance: whatever it defined would stay in memory each time. It also drops
@@ -169,7 +171,7 @@ def build_models(
         if TABLES_FILE in code:
             members[f"resources/{TABLES_FILE}"] = code.pop(TABLES_FILE)
         described = {"modelDescription.xml": model_description(model, "", fmi=fmi, native=native)}
-        guid = _identifier(members | code | described)
+        guid = identifier(members | code | described)
         codes[name] = with_guid(code, guid) if native else {}
         members |= {f"sources/{file}": content for file, content in codes[name].items()}
         members["modelDescription.xml"] = model_description(model, guid, fmi=fmi, native=native)
@@ -180,7 +182,8 @@ def build_models(
     def compile_one(job: tuple[str, str]) -> None:
         platform, name = job
         begin = partial(progress, f"{name} for {platform}")
-        fmus[name].update(compile_library(codes[name], models[name].name, fmi, platform, begin))
+        libraries = compile_library(codes[name], models[name].name, fmi, platform, begin)
+        fmus[name].update(libraries | descriptions(models[name], libraries))
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(compile_one, product(platforms, fmus)))
@@ -221,7 +224,7 @@ def _resources(model: StepModel, native: bool) -> dict[str, bytes]:
     return {f"resources/{name}": data for name, data in files.items()}
 
 
-def _identifier(members: Mapping[str, bytes]) -> str:
+def identifier(members: Mapping[str, bytes]) -> str:
     """Return the guid of some files, given by name."""
     content = hashlib.sha256()
     for name, data in sorted(members.items()):

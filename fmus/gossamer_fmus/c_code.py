@@ -5,6 +5,7 @@ The sources of an FMU are one translation unit::
     fmi2.c or fmi3.c    the FMI functions
     stepper.h           initialize, step, derivatives; the same for every model
     state.h             saved states; the same for every model
+    instance.h          where instances lie; the same for every model
     model.h             the table of variables and sizes, written here
     functions.h         init, step and their derivatives, written by CasADi
     loop.h, sum.h       of a model with tables: its sums over elements
@@ -12,6 +13,7 @@ The sources of an FMU are one translation unit::
     elements.h          each element's function, written by CasADi and made safe for lanes, and the table of loops; compiled
                         for each set of instructions
     tables.h            how it reads the numbers that are too many for its text, ``resources/tables.bin`` of the FMU
+    resources.h         where that is
 """
 
 from __future__ import annotations
@@ -28,9 +30,11 @@ from gossamer_models import StepModel
 from gossamer_models.batch.code import internal_name, safe_for_lanes, with_loops
 from gossamer_models.element_loop import LANES, Tables
 
+from .a2l import VALUES_OFFSET, first_instance
 from .description import FmiVersion, arrays_of
 
 TABLES_FILE = "tables.bin"
+_ALWAYS = ("stepper.h", "state.h", "instance.h")
 _LONG, _MANY = 1_000, 100_000  # numbers of a list, and of all such lists, that text and every library need not repeat
 _FACTORS = re.compile(r"^( *)(casadi_real lt\[\d+\], d\[\d+\], w\[\d+\];)$", re.MULTILINE)
 _LIST = re.compile(r"static const casadi_real (casadi_c\d+)\[\d+\] =\s*\{([^}]*)\};")
@@ -53,7 +57,7 @@ def sources(model: StepModel, guid: str, fmi: FmiVersion) -> dict[str, bytes]:
         Version of the standard.
     """
     here = Path(__file__).parent / "native"
-    files = {name: (here / name).read_bytes() for name in (f"fmi{fmi}.c", "stepper.h", "state.h")}
+    files = {name: (here / name).read_bytes() for name in (f"fmi{fmi}.c", *_ALWAYS)}
     functions = [model.init, model.step]
     expression = model if model.tables is None else model.expression and model.expression()
     if expression is not None:
@@ -70,7 +74,7 @@ def sources(model: StepModel, guid: str, fmi: FmiVersion) -> dict[str, bytes]:
         sizes = table_sizes(model.tables)
     if tables:
         sizes |= {"TABLES_FILE": f'"{TABLES_FILE}"', "TABLES_CHECKSUM": zlib.crc32(tables)}
-        files |= {"tables.h": (here / "tables.h").read_bytes(), TABLES_FILE: tables}
+        files |= {name: (here / name).read_bytes() for name in ("tables.h", "resources.h")} | {TABLES_FILE: tables}
     # factors of large membranes do not fit on the stack of a host's thread
     files["functions.h"] = _FACTORS.sub(r"\1static _Thread_local \2", code).encode()
     return files | {"model.h": _model_header(model, guid, functions, sizes).encode()}
@@ -124,6 +128,7 @@ def _model_header(model: StepModel, guid: str, functions: list[ca.Function], tab
         "N_INPUTS": inputs.stop - inputs.start,
         "N_RESULTS": results.stop - results.start,
         "N_STATES": model.n_states,
+        "VALUES_OFFSET": VALUES_OFFSET,
         "N_RESTARTED": model.restarted,
         "SIZE_ARG": max(f.sz_arg() for f in functions),
         "SIZE_RES": max(f.sz_res() for f in functions),
@@ -141,6 +146,7 @@ def _model_header(model: StepModel, guid: str, functions: list[ca.Function], tab
         _guid_line(guid),
         f"#define MODEL_ADVICE {_c_text(model.advice)}",
         f"#define MODEL_DIGEST {digest}",
+        f"#define FIRST_INSTANCE {first_instance(model)}",
         "#define CASADI_CODEGEN_PREFIX",
         f"#define CODEGEN_PREFIX {model.name}_",
         *(f"#define {name} {value}" for name, value in sizes.items()),

@@ -39,10 +39,10 @@ def missing_tools() -> list[str]:
     return missing
 
 
-def require_tools() -> None:
+def require_tools(what: str = "budgets need") -> None:
     """Raise ``FlightError`` where this machine lacks what ``budgets`` needs."""
     if missing := missing_tools():
-        msg = f"budgets need {', '.join(missing)} (packages of Debian). Install them, or leave the budgets out."
+        msg = f"{what} {', '.join(missing)} (packages of Debian). Install them, or leave that out."
         raise FlightError(msg)
 
 
@@ -74,11 +74,11 @@ def budgets(folder: Path, name: str) -> dict[str, float]:
         copy = Path(temporary) / "flight"
         shutil.copytree(folder, copy)
         options = [*_CORE, "-std=c11", "-O2", "-ffp-contract=off", "-fcallgraph-info=su"]
-        _run(["arm-none-eabi-gcc", *options, "-c", f"{name}.c", "-o", "measured.o"], copy)
-        sizes = _sections(_run(["arm-none-eabi-size", "-A", "measured.o"], copy))
+        run_tool(["arm-none-eabi-gcc", *options, "-c", f"{name}.c", "-o", "measured.o"], copy)
+        sizes = _sections(run_tool(["arm-none-eabi-size", "-A", "measured.o"], copy))
         graph = next(copy.glob("*.ci")).read_text(encoding="utf-8")
         bounds = [stack_bound(graph, f"{name}_{each}") for each in ("init", "step")]
-        printed = _run(["make", "-s", "qemu"], copy)
+        printed = run_tool(["make", "-s", "qemu"], copy)
     found = {key: float(value) for key, value in re.findall(r"^(\w+) (\S+)$", printed, re.MULTILINE)}
     kept = {key: found[key] for key in ("ram", "work", "most", "mean", "worst", "different")}
     return sizes | {"stack": max(bounds), "stack_in_use": found["stack"]} | kept
@@ -119,7 +119,8 @@ def _sections(printed: str) -> dict[str, float]:
     return sizes
 
 
-def _run(command: Iterable[str], folder: Path) -> str:
+def run_tool(command: Iterable[str], folder: Path) -> str:
+    """Run a program in a folder and return what it printed; ``FlightError`` if it fails or takes ten minutes."""
     words = list(command)
     try:
         done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False, timeout=600)

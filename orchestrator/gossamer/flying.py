@@ -33,7 +33,7 @@ class FlightCode(Saved):
     Attributes
     ----------
     files : sequence of Path
-        The folder of its sources.
+        The folder of its sources; the FMU with the processor in the loop, if that was wanted.
     kind : str
         What it is.
     bits : int
@@ -58,7 +58,10 @@ class FlightCode(Saved):
 
     def hints(self) -> list[str]:
         """Return what to type next."""
-        return [f"Type 'make -C {self.path} golden': it compiles and runs the golden vectors."]
+        loop = [
+            f"In place of the native FMU, {path} runs it on an emulated Cortex-M7 in any host." for path in self.files[1:]
+        ]
+        return [f"Type 'make -C {self.path} golden': it compiles and runs the golden vectors.", *loop]
 
     def to_json(self) -> dict[str, Any]:
         """Return the folder and the budgets."""
@@ -74,6 +77,8 @@ def flight(
     scales: Scales | None = None,
     float: Literal[64, 32] = 64,
     measure: bool = False,
+    hil: bool = False,
+    framework: Literal["fprime", "cfs"] | None = None,
 ) -> FlightCode:
     """Write a compensator or the detector as C for a flight processor.
 
@@ -97,6 +102,10 @@ def flight(
     measure
         Compile it for a Cortex-M7 and run it under QEMU, and write memory, stack and instructions to budgets.json; needs
         Debian's gcc-arm-none-eabi, libnewlib-arm-none-eabi and qemu-system-arm.
+    hil
+        Also write an FMU that runs it on an emulated Cortex-M7, sample by sample; needs the same programs.
+    framework
+        Also write it as a component of F Prime or as an application of cFS, in a folder of its own.
 
     Returns
     -------
@@ -112,24 +121,34 @@ def flight(
         gossamer flight compensator
 
         gossamer flight estimator --artifact out/mine/sensor.json --out out/flight --measure
+
+        gossamer flight compensator --hil --framework fprime
     """
     from gossamer_fmus.catalogue import make_model
     from gossamer_fmus.flight import flight_files, golden_vectors
     from gossamer_fmus.flight_budgets import budgets, require_tools
+    from gossamer_fmus.frameworks import framework_files
+    from gossamer_fmus.in_the_loop import write_fmu_in_the_loop
 
-    if measure:
-        require_tools()
+    if measure or hil:
+        require_tools("budgets need" if measure else "a processor in the loop needs")
     folder = Path(out)
     given: dict[str, Any] = {"artifact": None if artifact is None else Path(artifact), "scales": scales}
     model = make_model(kind, **given)
     vectors, golden = golden_vectors(model, None if kind == "detector" else make_model("sensor", **given))
     files = flight_files(model, kind, vectors, golden, float)
+    if framework is not None:
+        own = {name: files[name] for name in (f"{kind}.c", f"{kind}.h", f"{kind}_math.h", f"{kind}_table.h")}
+        own |= framework_files(model, kind, framework, float)
+        files |= {f"{framework}/{name}": content for name, content in own.items()}
     check_outputs(folder / name for name in files)
-    folder.mkdir(parents=True, exist_ok=True)
     for name, content in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(content)
     (folder / "budgets.json").unlink(missing_ok=True)  # of another component
+    (folder / f"{kind}.fmu").unlink(missing_ok=True)
+    in_the_loop = [write_fmu_in_the_loop(model, kind, folder)] if hil else []
     measured = budgets(folder, kind) if measure else {}
     if measured:
         (folder / "budgets.json").write_text(json.dumps(measured, indent=1), encoding="utf-8")
-    return FlightCode(files=[folder], kind=kind, bits=float, budgets=measured)
+    return FlightCode(files=[folder, *in_the_loop], kind=kind, bits=float, budgets=measured)

@@ -40,7 +40,7 @@ def test_platforms_are_chosen_by_name_and_a_wrong_one_is_refused_with_those_ther
 def test_the_sources_name_no_path_and_depend_on_the_model_alone():
     first, second = (sources(MODELS["sensor"](), "{guid}", 2) for _ in range(2))
     assert first == second
-    assert set(first) == {"fmi2.c", "stepper.h", "state.h", "model.h", "functions.h"}
+    assert set(first) == {"fmi2.c", "stepper.h", "state.h", "instance.h", "model.h", "functions.h"}
     assert not any(b"/home" in text or b"/tmp" in text for text in first.values())
 
 

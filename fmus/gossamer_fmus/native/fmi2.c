@@ -12,6 +12,8 @@ typedef struct {
   fmi2Status last_step;
 } Instance;
 
+#include "instance.h"
+
 /* Log a refusal or a warning. Its text is a printf format for the host: a percent sign is doubled. */
 static void log_text(fmi2CallbackLogger logger, fmi2ComponentEnvironment environment, const char *name,
                      fmi2Status status, const char *text) {
@@ -70,7 +72,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
     refusal = "the guid is not " MODEL_GUID ", which this binary was built for";
   } else if ((refusal = tables_open(resources))) {
     /* said why */
-  } else if (!(m = calloc(1, sizeof *m))) {
+  } else if (!(m = instance_new())) {
     tables_close();
     refusal = "there is no memory for another instance of model '" MODEL_NAME "'";
   }
@@ -85,10 +87,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
   return m;
 }
 
-void fmi2FreeInstance(fmi2Component c) {
-  if (c) tables_close();
-  free(c);
-}
+void fmi2FreeInstance(fmi2Component c) { instance_free(c); }
 
 /* Refusals and warnings are logged always: FMI 2.0 allows it, and they explain what a run did. */
 fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t n, const fmi2String categories[]) {

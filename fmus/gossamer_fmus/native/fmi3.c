@@ -12,6 +12,8 @@ typedef struct {
   bool logging;
 } Instance;
 
+#include "instance.h"
+
 /* Log the stepper's message: an error always, as the standard allows, anything else if the host wants it. */
 static fmi3Status fail(Instance *m, fmi3Status status) {
   const char *category = status == fmi3Warning   ? "logStatusWarning"
@@ -63,7 +65,7 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
     refusal = "model '" MODEL_NAME "' has no event mode, as its description says";
   } else if ((refusal = tables_open(resources))) {
     /* said why */
-  } else if (!(m = calloc(1, sizeof *m))) {
+  } else if (!(m = instance_new())) {
     tables_close();
     refusal = "there is no memory for another instance of model '" MODEL_NAME "'";
   }
@@ -78,10 +80,7 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
   return m;
 }
 
-void fmi3FreeInstance(fmi3Instance c) {
-  if (c) tables_close();
-  free(c);
-}
+void fmi3FreeInstance(fmi3Instance c) { instance_free(c); }
 
 fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean tolerance_defined, fmi3Float64 tolerance,
                                        fmi3Float64 start, fmi3Boolean stop_defined, fmi3Float64 stop) {

@@ -8,6 +8,7 @@ static const uint8_t STATE_MAGIC[24] = {'G', 'O', 'S', 'S', 'A', 'M', 'E', 'R', 
 
 /* Copy the state into *saved, which is allocated if it is NULL. */
 static bool state_save(Stepper *s, void **saved) {
+  if (!MODEL_CAN_BE_SAVED) return refuse(s, "the state of model '%s' is elsewhere and cannot be saved", MODEL_NAME);
   if (!*saved && !(*saved = malloc(sizeof(State)))) {
     return refuse(s, "there is no memory for a state of model '%s'", MODEL_NAME);
   }

@@ -6,7 +6,7 @@
        step(x, u, p, h) -> (x_next, y)   u holds at the end of the step
 
    model.h holds the table of variables, functions.h the C code that CasADi generated from the model's expressions. A
-   Stepper holds all the memory it needs; nothing is global, so instances may run in different threads. A function that
+   Stepper holds all the memory it needs; nothing that changes is shared, so instances may run in different threads. A function that
    returns a bool either does what it says and returns true, or writes a message that says why not, returns false and
    leaves the state as it was. Everything is static or carries the model's name, so that sources of several FMUs can be
    linked into one program; define FMI2_FUNCTION_PREFIX or FMI3_FUNCTION_PREFIX for that, as the standard says. */
@@ -66,6 +66,12 @@ static int (*run_loop)(int which, const double **arg, double **res); /* chosen i
 #endif
 #include "functions.h"
 
+#ifndef MODEL_FAILURE
+#define MODEL_FAILURE(s) NULL /* why init or step failed, where they say it (processor.h) */
+#define MODEL_END(s) ((void)0)
+#define MODEL_CAN_BE_SAVED true
+#endif
+
 #define MAX_INTERNAL_STEPS 100000.0
 #define FIRST_INPUT N_PARAMETERS
 #define FIRST_RESULT (N_PARAMETERS + N_INPUTS)
@@ -118,6 +124,7 @@ static bool wrong_call(Stepper *s, const char *call) {
 }
 
 static void stepper_reset(Stepper *s) {
+  MODEL_END(s);
   memset(&s->state, 0, sizeof s->state);
   for (int i = 0; i < N_VARIABLES; i++) s->state.values[i] = VARIABLES[i].start;
   s->checked = s->results_known = false;
@@ -179,6 +186,8 @@ static bool stepper_warns(Stepper *s) {
 
 static bool all_finite(Stepper *s, const double *results, const char *what) {
   const int residual = RESIDUAL;
+  const char *why = MODEL_FAILURE(s);
+  if (why) return refuse(s, "%s", why);
   for (int i = 0; i < N_STATES + N_RESULTS; i++) {
     if (!isfinite(results[i])) {
       char stopped[80] = "";

@@ -5,6 +5,8 @@
    are, see gossamer_models/element_loop.py.
    The first instance reads it, the last one frees it. */
 
+#include "resources.h"
+
 #include <stdatomic.h>
 
 #define TABLES_SIZE ((size_t)N_NUMBERS * sizeof(double) + (size_t)N_PLACES * sizeof(int32_t))
@@ -12,32 +14,6 @@
 static double *tables;
 static int tables_users;
 static atomic_flag tables_busy = ATOMIC_FLAG_INIT;
-
-static int hexadecimal(char c) {
-  return c >= '0' && c <= '9' ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : c >= 'A' && c <= 'F' ? c - 'A' + 10 : -1;
-}
-
-/* Write the path of the file from where the resources lie: a path, or in FMI 2.0 a file URI. */
-static bool tables_path(const char *resources, char *path, size_t size) {
-  size_t n = 0;
-  bool uri = strncmp(resources, "file:", 5) == 0;
-  const char *from = uri ? resources + 5 : resources;
-  if (uri && strncmp(from, "//", 2) == 0) {
-    from += 2;
-    if (from[0] && from[1] != ':') { /* not file://C:/, which some hosts write */
-      while (*from && *from != '/') from++; /* the host, empty or localhost */
-    }
-  }
-  if (uri && from[0] == '/' && from[1] && from[2] == ':') from++; /* /C:/... on Windows */
-  for (; *from; from++) {
-    int high = uri && *from == '%' ? hexadecimal(from[1]) : -1, low = high >= 0 ? hexadecimal(from[2]) : -1;
-    if (n + 1 >= size) return false;
-    path[n++] = low >= 0 ? (char)(16 * high + low) : *from;
-    if (low >= 0) from += 2;
-  }
-  while (n > 1 && (path[n - 1] == '/' || path[n - 1] == '\\')) n--;
-  return snprintf(path + n, size - n, "/" TABLES_FILE) < (int)(size - n);
-}
 
 #if defined(_WIN32)
 #include <windows.h>
@@ -53,7 +29,7 @@ static const char *tables_read(const char *resources) {
   char path[4096];
   size_t read;
   FILE *file;
-  if (!resources || !tables_path(resources, path, sizeof path)) {
+  if (!resources || !resource_path(resources, TABLES_FILE, path, sizeof path)) {
     return "model '" MODEL_NAME "' reads numbers from the FMU's resources, and the host does not say where they are";
   }
   if (!(file = tables_file(path))) {

@@ -25,6 +25,20 @@ def test_the_folder_holds_what_a_flight_processor_needs_and_the_interface(tmp_pa
     assert "compensator_real known; /* [1] 1 if the strain is known now; else 0; 0 to 1; starts at 0 */" in header
 
 
+@pytest.mark.parametrize(
+    ("framework", "files"),
+    [
+        ("fprime", {"Compensator.fpp", "Compensator.hpp", "Compensator.cpp"}),
+        ("cfs", {"compensator_app.c", "compensator_tbl.c"}),
+    ],
+)
+def test_a_framework_gets_a_folder_of_its_own_with_all_that_it_compiles(tmp_path, framework, files):
+    result = invoke(["flight", "compensator", "--framework", framework, "--out", str(tmp_path)])
+    assert result.exit_code == 0, result.output
+    component = {f"compensator{ending}" for ending in (".c", ".h", "_math.h", "_table.h")}
+    assert {path.name for path in (tmp_path / framework).iterdir()} >= files | component | {"CMakeLists.txt"}
+
+
 def test_scales_are_where_it_starts(tmp_path):
     made = gossamer.flight("estimator", out=tmp_path, scales=(1000.0, 150.0, 0.2))
     header = (Path(made) / "estimator.h").read_text(encoding="utf-8")
@@ -52,3 +66,10 @@ def test_without_the_tools_it_says_what_to_install(tmp_path, monkeypatch):
     result = invoke(["flight", "compensator", "--out", str(tmp_path), "--measure"])
     assert result.exit_code == 1
     assert "budgets need make, gcc-arm-none-eabi and libnewlib-arm-none-eabi, qemu-system-arm" in result.output
+
+
+def test_so_it_does_for_a_processor_in_the_loop(tmp_path, monkeypatch):
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    result = invoke(["flight", "compensator", "--out", str(tmp_path), "--hil"])
+    assert result.exit_code == 1
+    assert "a processor in the loop needs make, gcc-arm-none-eabi" in result.output

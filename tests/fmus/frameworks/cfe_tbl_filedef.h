@@ -1,0 +1,1 @@
+#define CFE_TBL_FILEDEF(ObjName, TblName, Desc, Filename) const char *const table_names[] = {#ObjName, #TblName, #Desc, #Filename};
