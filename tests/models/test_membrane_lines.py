@@ -1,5 +1,7 @@
 """Cables, beams and point masses: closed forms of statics and of vibration, balances of a step, and what is refused."""
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -63,7 +65,7 @@ def forces(structure, nodes, **given):
     """Return what pulls at nodes [N], shape (N, 3), where they are, by the equations of the step."""
     model, equations = membrane_model(structure), MembraneEquations(structure)
     p_rows, u_rows, _ = model.slices()
-    start = [v.start or 0.0 for v in model.variables]
+    start = [given.get(v.name, v.start or 0.0) for v in model.variables]
     u, p = by_name(model.variables[u_rows], ca.DM(start[u_rows])), by_name(model.variables[p_rows], ca.DM(start[p_rows]))
     x = ca.DM(nodes[structure.order].ravel())
     found = equations.forces(x, equations.shared(u, p, ca.MX(0.0), ca.MX(0.0)), u, p)
@@ -258,6 +260,26 @@ def test_booms_whose_tips_carry_a_film_vibrate_as_in_closed_form():
         return moment[0] * shear[1] - moment[1] * shear[0]
 
     assert found == pytest.approx(brentq(residual, 2.0, 9.0), rel=3e-3)
+
+
+def test_a_cable_that_cools_is_taut_and_a_beam_that_warms_longer_in_closed_form():
+    """A cable between fixed ends carries EA alpha times its cooling; a free boom lengthens by its strain. Exact."""
+    cable, expansion = rope(thermal_expansion=2e-5), 1e-5
+    film = replace(FILM, thermal_expansion=1e-4)
+    beam = Beam(name="boom", path=((0.0, 1.0, 0.0), (LENGTH, 1.0, 0.0)), parts=4, **TUBE | {"thermal_expansion": expansion})
+    held = *ENDS, Support(group="boom_start"), Support(group="boom", fixed="yz")
+    structure = beside_a_patch(*held, regions=(film,), cables=(cable,), beams=(beam,))
+    model = Stepper(membrane_model(structure))
+    names = {v.name: v.description for v in structure.table if v.name.startswith("temperature")}
+    assert ["rest" if "region" in text else text.split()[4] for text in names.values()] == ["rest", "boom", "rope"]
+    for name, value in zip(names, (10.0, 50.0, -80.0), strict=True):
+        model.set(name, value)
+    model.initialize()
+    at = model.x[: 3 * len(structure.moving)].reshape(-1, 3)
+    tip = np.flatnonzero(structure.moving == structure.mesh.points["boom_end"][0])
+    assert at[tip, 0] == pytest.approx([LENGTH * expansion * 50.0], rel=1e-9)
+    pull = forces(structure, structure.mesh.nodes, **{"temperature[3]": -80.0})[structure.mesh.points["rope_start"][0]]
+    assert pull == pytest.approx([1e9 * 1e-5 * 2e-5 * 80.0, 0.0, 0.0], rel=1e-9)
 
 
 def test_a_cable_is_a_zone_and_its_strain_a_reading():

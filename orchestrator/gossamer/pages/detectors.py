@@ -255,7 +255,7 @@ def _in_space(found: AssessmentResults, structure: Structure) -> tuple[list[Char
         parts = {each.name: arrays[each.name] for each in fields(Surface)}
     points = np.array([sensor.point for sensor in structure.setup.sensors])
     surface = Surface(**parts | {"nodes": structure.mesh.nodes, "sensor_points": points})
-    still = ShapeHistory(surface, np.zeros(1), surface.nodes[None], np.zeros((1, len(structure.setup.regions), 3)))
+    still = ShapeHistory(surface, np.zeros(1), surface.nodes[None], np.zeros((1, len(surface.poisson_ratio), 3)))
     names = [zone_label(name) for name in structure.zone_names]
     shown = surface_content(still, np.zeros(1, dtype=np.int64))
     shown |= {"unit": "m", "marked": False, "colours": colours, "names": names}

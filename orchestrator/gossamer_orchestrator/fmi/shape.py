@@ -41,7 +41,8 @@ class Surface:
     faces : ndarray of int, shape (n, 4)
         Nodes of each face; the last of a triangle is -1.
     element, region, zone : ndarray of int, shape (n,)
-        What each face belongs to, from 0; zone -1 where damage does not act.
+        What each face belongs to, from 0; zone -1 where damage does not act. Regions whose zones have temperatures of their
+        own come apart into these.
     poisson_ratio : ndarray, shape (R,)
         Of the regions [1].
     direction : ndarray, shape (R, 3)
@@ -133,7 +134,9 @@ class Shape:
         places = surface.nodes + self._ways(values)
         places[moving] += x[first : first + 3 * len(moving)].reshape(-1, 3)
         E, nu, S = values[files["youngs_modulus"]], surface.poisson_ratio, files["prestress"]
-        warm = files["thermal_expansion"] * _value(values, files["temperature"], 0.0)
+        none = np.full(len(E), -1)
+        rise = sum(_value(values, files.get(name, none), 0.0) for name in ("temperature", "zone_temperature"))
+        warm = files["thermal_expansion"] * rise
         along, across = ((S[:, a] - nu * S[:, 1 - a]) / E - warm for a in range(2))
         return places, np.column_stack([along, across, (1.0 + nu) * S[:, 2] / E])
 
