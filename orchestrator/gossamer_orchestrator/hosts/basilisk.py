@@ -8,7 +8,8 @@ and torque [N m] of the membrane; ``h`` step [s].
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Mapping
+import logging
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,11 +22,13 @@ from scipy.spatial.transform import Rotation
 from ..errors import FmuError, SimulationError
 from ..fmi.clocks import start_instance
 from ..fmi.file import FmuFile
+from ..mounts import HELD, MOVING, too_light, with_edge
 from .debt import Array, Debt, turn
+
+logger = logging.getLogger(__name__)
 
 _MOTION = [f"{name}[{k}]" for name in ("frame_acceleration", "angular_velocity", "angular_acceleration") for k in (1, 2, 3)]
 _REACTION = [f"{name}[{k}]" for name in ("force", "torque") for k in (1, 2, 3)]
-_HELD = ["held_mass", *(f"held_first_moment[{k}]" for k in range(1, 4)), *(f"held_inertia[{k}]" for k in range(1, 7))]
 _LONGEST = 1e9  # [s], end of the run that the FMU is given: Basilisk decides when it ends
 
 
@@ -65,7 +68,9 @@ class FramedMembrane(sysModel.SysModel):  # type: ignore[misc, unused-ignore]  #
         self.ModelTag = component or "membrane"
         self._vehicle, self._prefix = vehicle, f"{component}." if component else ""
         self._file = FmuFile(Path(path), validate=False)
-        missing = [name for name in (*_MOTION, *_REACTION, *_HELD) if self._prefix + name not in self._file.variables]
+        missing = [
+            name for name in (*_MOTION, *_REACTION, *HELD, *MOVING) if self._prefix + name not in self._file.variables
+        ]
         if missing:
             msg = (
                 f"{path} is no membrane on a frame: it has no variable {self._prefix + missing[0]!r}. Build "
@@ -136,26 +141,17 @@ class FramedMembrane(sysModel.SysModel):  # type: ignore[misc, unused-ignore]  #
         self._instance.close()
         self._file.close()
 
-    def _port(self, names: list[str]) -> Any:  # noqa: ANN401
+    def _port(self, names: Sequence[str]) -> Any:  # noqa: ANN401
         return self._instance.port([self._prefix + name for name in names])
 
     def _apply(self, W: Array) -> None:
         self.force.extForce_B, self.force.extTorquePntB_B = W[:3].tolist(), W[3:].tolist()
 
     def _add_edge(self) -> None:
-        """Add the mass of the membrane's edge to the hub."""
-        port, hub = self._port(_HELD), self._vehicle.hub
+        """Add the mass of the membrane's edge to the hub; warn where that is too light."""
+        port, hub = self._port([*HELD, *MOVING]), self._vehicle.hub
         self._instance.read(port)
-        held, S, (xx, yy, zz, xy, xz, yz) = port.values[0], port.values[1:4], port.values[4:]
-        J = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        own, c = hub.mHub, np.ravel(hub.r_BcB_B)
-        mass = own + held
-        centre = (own * c + S) / mass
-        about_origin = np.array(hub.IHubPntBc_B) + own * _point(c) + J
-        hub.mHub, hub.r_BcB_B = mass, centre.reshape(3, 1).tolist()
-        hub.IHubPntBc_B = (about_origin - mass * _point(centre)).tolist()
-
-
-def _point(c: Array) -> Array:
-    """Return the inertia of a unit mass at a place [m]."""
-    return np.asarray(c @ c * np.eye(3) - np.outer(c, c))
+        mass, centre, J = with_edge(hub.mHub, np.ravel(hub.r_BcB_B), np.array(hub.IHubPntBc_B), port.values[:10])
+        hub.mHub, hub.r_BcB_B, hub.IHubPntBc_B = mass, centre.reshape(3, 1).tolist(), J.tolist()
+        if light := too_light(mass, centre, J, port.values):
+            logger.warning("%s: %s. Or use the FMU hub in a group, as scenario light_hub does.", self.ModelTag, light)
