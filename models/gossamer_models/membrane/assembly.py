@@ -210,7 +210,9 @@ class MembraneEquations:
         """Write the temperature of each combination [K], of its region and its zone over that."""
         if not hasattr(u, "zone_temperature"):
             return of_region
-        return of_region + ca.vertcat(u.zone_temperature, 0.0)[self.structure.zone.tolist()].T  # the last is of no zone
+        parts = self.structure.n_face_zones // u.zone_temperature.numel()  # of a zone, where these have damage of their own
+        rises = ca.vertcat(u.zone_temperature, 0.0)  # the last is of no zone
+        return of_region + rises[(self.structure.zone // parts).tolist()].T
 
     @property
     def shared_names(self) -> tuple[str, ...]:

@@ -274,6 +274,16 @@ def with_lines(tables: Mapping[str, Sequence[Line]], mesh: SurfaceMesh) -> Surfa
     return replace(mesh, nodes=np.array(nodes), points=points, lines=laid, clamped=held)
 
 
+def taken(tables: Mapping[str, Sequence[Line]], mesh: SurfaceMesh) -> Iterator[Mistake]:
+    """Find lines whose groups would take the place of groups of a mesh that has no lines yet."""
+    for table, rows in tables.items():
+        for i, line in enumerate(rows):
+            own = [line.name, *(f"{line.name}_{end}" for end in ("start", "end") if line.path)]
+            for name in mesh.points.keys() & set(own):
+                text = f"{mesh.name} has a group {name!r}, and the line {line.name!r} makes one of that name. Rename one."
+                yield Mistake((table, i, "name"), text)
+
+
 def _refuse(key: str, text: str, name: str = "", known: Iterable[str] = ()) -> NoReturn:
     raise DescriptionError(Mistake((key,), text, name, tuple(known)))
 

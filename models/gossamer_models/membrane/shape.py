@@ -45,7 +45,7 @@ def membrane_shape(structure: Structure, variables: Sequence[Variable]) -> bytes
     ``temperature``, of some also ``zone_temperature`` to add, and ``poisson_from`` (R,), which is in place of
     ``poisson_ratio`` (R,) [1]. Of regions also
     ``thermal_expansion`` [1/K] (R,), ``prestress`` [Pa] and ``direction`` (R, 3). ``sensor_points``, in units of
-    the size, and ``sensor_directions`` (K, 3).
+    the size, and ``sensor_directions`` (K, 3). Of cables and beams ``segments`` (s, 2), nodes, and ``segment_zone`` (s,).
     """
     setup, mesh = structure.setup, structure.mesh
     number = {variable.name: i for i, variable in enumerate(variables)}
@@ -87,6 +87,10 @@ def membrane_shape(structure: Structure, variables: Sequence[Variable]) -> bytes
         "sensor_points": (_rows([sensor.point for sensor in setup.sensors]) - structure.origin) / size,
         "sensor_directions": _rows([sensor.direction for sensor in setup.sensors]),
     }
+    if mesh.lines:
+        pairs = [mesh.lines[line.name] for line in setup.lines]
+        arrays["segments"] = np.concatenate(pairs).astype(np.int32)
+        arrays["segment_zone"] = np.repeat(structure.line_zone, [len(each) for each in pairs]).astype(np.int32)
     file = io.BytesIO()
     card = {"schema": SCHEMA, "version": VERSION, "name": setup.title or mesh.name}
     np.savez(file, card=np.array(json.dumps(card)), **arrays)

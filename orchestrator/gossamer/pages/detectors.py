@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -252,9 +252,9 @@ def _in_space(found: AssessmentResults, structure: Structure) -> tuple[list[Char
     if not colours:
         return [], {}
     with np.load(io.BytesIO(membrane_shape(structure, structure.table))) as arrays:
-        parts = {each.name: arrays[each.name] for each in fields(Surface)}
+        stored = Surface.stored(arrays)
     points = np.array([sensor.point for sensor in structure.setup.sensors])
-    surface = Surface(**parts | {"nodes": structure.mesh.nodes, "sensor_points": points})
+    surface = replace(stored, nodes=structure.mesh.nodes, sensor_points=points)
     still = ShapeHistory(surface, np.zeros(1), surface.nodes[None], np.zeros((1, len(surface.poisson_ratio), 3)))
     names = [zone_label(name) for name in structure.zone_names]
     shown = surface_content(still, np.zeros(1, dtype=np.int64))
