@@ -205,6 +205,51 @@ def test_the_frame_takes_what_a_boom_with_a_tip_mass_gives():
 
 
 @pytest.mark.parametrize("tip", [0.0, 5.0])
+def sail_on_booms(factor):
+    """Return a strip of film, taut between the tips of two booms and a wall, with so many times its inertia along it."""
+    beams = tuple(
+        Beam(name=f"boom{k}", path=((-1.0, 0.1 * k, 0.0), f"corner{k}"), parts=4, clamped=(f"boom{k}_start",), **TUBE)
+        for k in (0, 1)
+    )
+    push = Load(name="push", kind="dead_pressure", start=0.2)
+    masses = (PointMass(group="boom0_end", mass=0.02),)
+    return strip(supports=(Support(group="right"),), beams=beams, masses=masses, loads=(push,), inplane_mass=factor)
+
+
+def test_a_film_of_scaled_inertia_on_booms_of_true_inertia_swings_as_it_does_unscaled():
+    """Let go from a push: both tips along z over half a period of the booms; steps are those of the booms alone."""
+    histories, steps = [], []
+    for factor in (1.0, 100.0):
+        structure = sail_on_booms(factor)
+        run = Stepper(membrane_model(structure))
+        run.initialize()
+        run.set("push", 0.0)
+        tips = [int(np.flatnonzero(structure.moving == structure.mesh.points[f"boom{k}_end"][0])[0]) for k in (0, 1)]
+        rows = []
+        for _ in range(120):
+            run.step(1e-3)
+            rows.append(run.x[[3 * tip + 2 for tip in tips]])
+        histories.append(np.array(rows))
+        steps.append(run.get("max_step"))
+    size = np.abs(histories[0]).max()
+    assert np.abs(histories[1] - histories[0]).max() < 2e-3 * size
+    assert histories[0].min() < -0.5 * size
+    assert steps[1] >= steps[0]
+
+
+def test_a_frame_takes_all_momentum_of_a_film_of_scaled_inertia_on_booms():
+    """To round-off after it is let go: 1e-12 N s of 7e-5 N s. Asked: 1e-4."""
+    run = Stepper(membrane_model(sail_on_booms(100.0), frame=True), mass_damping=0.0)
+    run.initialize()
+    run.set("push", 0.0)
+    for _ in range(200):
+        before = get(run, "momentum"), get(run, "angular_momentum")
+        run.step(2e-5)
+        for was, name, takes in zip(before, ("momentum", "angular_momentum"), ("force", "torque"), strict=True):
+            np.testing.assert_allclose(get(run, name) - was, -2e-5 * get(run, takes), rtol=0.0, atol=1e-12)
+    assert np.linalg.norm(get(run, "momentum")) > 5e-5
+
+
 def test_the_step_that_is_offered_is_nearly_the_longest(tip):
     """60 % of 2 over the highest frequency, which the bound is above, by no more than a tenth."""
     structure = boom(10, tip)
@@ -352,7 +397,6 @@ AS_DRAWN = Built(centre=(0.0, 0.0, 0.0), size=1.0, coefficients=(0.0,))
             {"built": Built(centre=(0.0, 0.0, 0.0), size=1.0, coefficients=(0.0,))},
             "Name groups of nodes in 'path'",
         ),
-        (Cable(name="a", path=PATH, **ROPE), {"inplane_mass": 9.0}, "Leave out 'inplane_mass'"),
         (Cable(name="a", path=PATH, **ROPE), {"masses": (PointMass(group="b", mass=1.0),)}, "no group 'b' of nodes"),
     ],
 )

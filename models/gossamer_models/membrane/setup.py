@@ -461,7 +461,7 @@ class Setup:
     pressure_amplitude, pressure_frequency : float
         Start values of the built-in pressure [Pa], [Hz].
     inplane_mass : float
-        Factor on the inertia along the surface [1], at least 1: longer steps for a stiff, thin membrane.
+        Factor on the inertia of the film along the surface [1], at least 1: longer steps for a stiff, thin membrane.
     expose : bool
         Whether the displacement of every node is a variable.
     directional : bool
@@ -576,9 +576,6 @@ class Setup:
                 "nodes of the surface as it was built leave the places of cables and beams. Name groups of nodes in 'path'."
             )
             yield Mistake(("built",), text)
-        if self.lines and self.inplane_mass > 1.0:
-            text = "cables and beams move with their true mass in all directions. Leave out 'inplane_mass'."
-            yield Mistake(("inplane_mass",), text)
         if self.directional and any(line.zone for line in self.lines):
             yield Mistake(("directional",), "cables and beams that are zones have one direction. Leave out 'zone' or this.")
         known = tuple(line.name for line in self.lines)
