@@ -204,7 +204,6 @@ def test_the_frame_takes_what_a_boom_with_a_tip_mass_gives():
     assert run.get("moving_mass") + run.get("held_mass") == pytest.approx(0.3 + MASS * LENGTH + 1e-3)
 
 
-@pytest.mark.parametrize("tip", [0.0, 5.0])
 def sail_on_booms(factor):
     """Return a strip of film, taut between the tips of two booms and a wall, with so many times its inertia along it."""
     beams = tuple(
@@ -250,6 +249,7 @@ def test_a_frame_takes_all_momentum_of_a_film_of_scaled_inertia_on_booms():
     assert np.linalg.norm(get(run, "momentum")) > 5e-5
 
 
+@pytest.mark.parametrize("tip", [0.0, 5.0])
 def test_the_step_that_is_offered_is_nearly_the_longest(tip):
     """60 % of 2 over the highest frequency, which the bound is above, by no more than a tenth."""
     structure = boom(10, tip)
