@@ -13,9 +13,9 @@ from typing import Any, TypeVar
 from gossamer_files.options import option
 from gossamer_models import campaign
 from gossamer_models.campaign import CampaignPlan
-from gossamer_models.membrane import Setup, Structure, as_built, make_structure, read_mesh, surface_mesh
+from gossamer_models.membrane import Setup, Structure, as_built, make_structure, read_mesh, surface_mesh, taken
 from gossamer_models.membrane.portable import TABLES
-from gossamer_models.mistakes import DescriptionError
+from gossamer_models.mistakes import DescriptionError, raise_any
 from gossamer_models.twin import read_loads
 from gossamer_orchestrator import ScenarioError
 from gossamer_orchestrator.names import suggest
@@ -173,6 +173,7 @@ def load_structure(setup: AnyPath, mesh: AnyPath | None = None, *, expose: bool 
     with locating(source):
         file = Path(mesh or path.parent / found.mesh)
         drawn = surface_mesh(read_mesh(file, found.scale), found.order)
+        raise_any([*taken({"beams": found.beams, "cables": found.cables}, drawn)])
         return make_structure(found, drawn if found.built is None else as_built(drawn, found.built))
 
 

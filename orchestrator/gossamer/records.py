@@ -182,14 +182,11 @@ def find_in_results(
     mesh: tuple[int, int] = (4, 4),
 ) -> KnownRecord:
     """Find a record in the results of a run, see ``find_record``; by default of the membrane that its FMU carries."""
-    from gossamer_models.membrane import read_structure, square_structure
     from gossamer_models.twin.reading import input_units
     from gossamer_orchestrator.results import dataset
 
     data, membrane = _on_grid(data), dataset.find(data, "membrane")
-    if structure is None:
-        carried = json.loads(data.attrs.get("fmus", "{}")).get(membrane, {}).get("setup")
-        structure = square_structure(*mesh) if carried is None else read_structure(carried)
+    structure = structure or structure_in(data, membrane, mesh)
     names = {v.name for v in structure.table if v.causality == "parameter"}
     recorded = dataset.parameters_of(data, membrane)
     if unknown := [name for name in recorded if name.startswith("youngs_modulus") and name not in names]:
@@ -207,6 +204,14 @@ def find_in_results(
         sensor_parameters=sensors,
         of_run=True,
     )
+
+
+def structure_in(data: xr.Dataset, membrane: str, mesh: tuple[int, int] = (4, 4)) -> Structure:
+    """Return the membrane that an FMU of a run carries, or a square with some elements a side of some order."""
+    from gossamer_models.membrane import read_structure, square_structure
+
+    carried = json.loads(data.attrs.get("fmus", "{}")).get(membrane, {}).get("setup")
+    return square_structure(*mesh) if carried is None else read_structure(carried)
 
 
 def _structure(options: TwinOptions) -> Structure | None:

@@ -10,7 +10,7 @@ from gossamer_files.inputs import check_outputs
 from gossamer_files.tables import TableText, number, percent
 
 from .arguments import Count, File, FmiVersion, Folder, Names, Numbers, Values, assigned, command, several
-from .records import numbers_by_name
+from .records import numbers_by_name, structure_in
 from .results import Saved, zone_coordinates
 from .working import need_setup, save_page, say
 
@@ -160,8 +160,8 @@ def modes(
     Parameters
     ----------
     setup
-        The setup of a membrane on a mesh, or sail, drum, reflector, tube, which ship with Gossamer; by default the square
-        membrane of the thesis.
+        The setup of a membrane on a mesh, or sail, drum, reflector, tube, which ship with Gossamer; or the folder of a run,
+        for its membrane as the scenario starts it; by default the square membrane of the thesis.
     mesh
         Mesh file in place of the setup's own.
     count
@@ -198,8 +198,8 @@ def modes(
     folder = Path(out)
     arrays, shapes = folder / "modes.nc", folder / "modes.vtu"
     check_outputs([arrays, shapes])
-    structure = _structure(setup, mesh)
-    found = Linearised(structure, numbers_by_name(assigned(set), "for instance pressure=100")).modes(count)
+    structure, given = _membrane(setup, mesh, set)
+    found = Linearised(structure, given).modes(count)
     changes = found.sensitivities()
     with writing(arrays, ResultsError), replacing(arrays) as new:
         MembraneModes(files=[], result=found, changes=changes).data.to_netcdf(new, engine="scipy")
@@ -352,8 +352,8 @@ def reduce(
     Parameters
     ----------
     setup
-        The setup of a membrane on a mesh, or sail, drum, reflector, tube, which ship with Gossamer; by default the square
-        membrane of the thesis.
+        The setup of a membrane on a mesh, or sail, drum, reflector, tube, which ship with Gossamer; or the folder of a run,
+        for its membrane as the scenario starts it; by default the square membrane of the thesis.
     mesh
         Mesh file in place of the setup's own.
     modes
@@ -401,8 +401,7 @@ def reduce(
     arrays, matlab = folder / "reduced.npz", folder / "reduced.mat"
     texts = {folder / "flex_42.txt": flex_file, folder / "nodes_42.txt": node_file}
     check_outputs([arrays, matlab, *texts, folder / "reduced_membrane.fmu"])
-    given = numbers_by_name(assigned(set), "for instance pressure=100")
-    kept = Linearised(_structure(setup, mesh), given).modes(modes)
+    kept = Linearised(*_membrane(setup, mesh, set)).modes(modes)
     found = reduce_membrane(kept, [int(k) for k in nodes or ()])
     model = reduced_model(found, frame=frame)
     result = ReducedMembrane(files=[], result=found, reaches=reaches(found), frame=frame)
@@ -439,12 +438,22 @@ def _save(arrays: Path, matlab: Path, values: dict[str, Any]) -> None:
         savemat(file, cells, do_compression=True)
 
 
-def _structure(setup: File | None, mesh: File | None) -> Structure:
+def _membrane(setup: File | None, mesh: File | None, values: Values | None) -> tuple[Structure, dict[str, float]]:
+    """Return a membrane, and parameters and inputs of it that differ from their start values."""
     from gossamer_models.membrane import square_structure
+    from gossamer_orchestrator.results import dataset, files
 
     from .descriptions import load_structure
 
+    given = numbers_by_name(assigned(values), "for instance pressure=100")
     if setup is None:
         need_setup(mesh=mesh)
-        return square_structure()
-    return load_structure(setup, mesh)
+        return square_structure(), given
+    if mesh is not None or not any((Path(setup) / name).is_file() for name in files.RECORDED):
+        return load_structure(setup, mesh), given
+    data = files.load_results(Path(setup))
+    membrane = dataset.find(data, "membrane")
+    structure = structure_in(data, membrane)
+    known = {v.name for v in structure.table}
+    stated = dataset.parameters_of(data, membrane) | dataset.parameters_of(data, membrane, "start")
+    return structure, {name: value for name, value in stated.items() if name in known} | given

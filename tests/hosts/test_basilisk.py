@@ -6,11 +6,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import gossamer
 import numpy as np
 import pytest
+import scipy.linalg
 from gossamer_orchestrator import load_scenario
 from gossamer_orchestrator.exchange.container import build_container
 from gossamer_orchestrator.hosts.debt import Debt, turn
+from scipy.spatial.transform import Rotation
 
 ROOT = Path(__file__).parents[2]
 RUN = """
@@ -38,6 +41,48 @@ def test_a_slew_and_a_thrust_ring_the_membrane_and_the_spacecraft_feels_it(fmus,
     assert np.abs(flight["rate"][:422, 1] - rigid).max() > 1e-4
     assert flight["damage"][0] == pytest.approx(0.4, abs=0.05)
     assert flight["damage"][1:].max() < 0.05
+
+
+@pytest.mark.skipif(not importlib.util.find_spec("Basilisk"), reason="Basilisk is not installed: make test-basilisk")
+def test_a_reduced_membrane_rings_on_a_free_spacecraft_as_both_together_do(tmp_path):
+    """Mounted off the centre and turned; the frequency is that of the hub's and the membrane's mass matrices together."""
+    from Basilisk.simulation import spacecraft
+    from Basilisk.utilities import SimulationBaseClass, macros
+    from gossamer_orchestrator.hosts.basilisk import add_reduced
+
+    path = gossamer.reduce(modes=1, set={"mass_damping": 0.0}, out=tmp_path).files[0].with_name("reduced.npz")
+    place, A = np.array([0.4, -0.1, 0.2]), Rotation.from_rotvec([0.3, -0.5, 0.2]).as_matrix()
+    mass, J = 3.0, np.diag([0.5, 0.4, 0.6])
+    simulation, step = SimulationBaseClass.SimBaseClass(), macros.sec2nano(2e-4)
+    simulation.CreateNewProcess("process").addTask(simulation.CreateNewTask("task", step))
+    vehicle = spacecraft.Spacecraft()
+    vehicle.hub.mHub, vehicle.hub.IHubPntBc_B = mass, J.tolist()
+    springs = add_reduced(path, vehicle, place, A)
+    springs[0].rhoInit = 1e-3
+    simulation.AddModelToTask("task", vehicle)
+    for one in springs:
+        simulation.AddModelToTask("task", one)
+    log = vehicle.scStateOutMsg.recorder()
+    simulation.AddModelToTask("task", log)
+    simulation.InitializeSimulation()
+    simulation.ConfigureStopTime(500 * step)
+    simulation.ExecuteSimulation()
+
+    with np.load(path, allow_pickle=False) as file:
+        M, K = file["M"], file["K"]
+    cross = np.cross(np.eye(3), place)  # rows e x place
+    T = np.block([[A.T, A.T @ cross.T], [np.zeros((3, 3)), A.T]])  # motion of the membrane's origin by that of the hub's
+    free = np.eye(7)
+    free[:6, :6] = T
+    both = free.T @ M @ free
+    both[:3, :3] += mass * np.eye(3)
+    both[3:6, 3:6] += J
+    omega = np.sqrt(scipy.linalg.eigh(K, both, eigvals_only=True)[-1])
+    v = np.asarray(log.v_BN_N)[2:, 2] * 1e3
+    rows = np.column_stack([v[1:-1], np.ones(len(v) - 2)])
+    (cosine, _), *_ = np.linalg.lstsq(rows, v[2:] + v[:-2], rcond=None)
+    assert np.ptp(v) > 1.0
+    assert np.arccos(cosine / 2.0) / 2e-4 == pytest.approx(omega, rel=1e-3)
 
 
 def test_a_turn_takes_vectors_from_the_turned_axes_to_the_first_ones():

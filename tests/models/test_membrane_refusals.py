@@ -82,10 +82,16 @@ def test_the_right_setup_is_taken():
 
 MEANINGLESS = {
     "no material": (lambda: Setup(regions=()), "there are no regions"),
-    "two suns": (
-        lambda: Setup(**RIGHT, loads=(Load(name="a", kind="light"), Load(name="b", kind="light"))),
-        "there is light already",
+    "eclipse that is a load": (
+        lambda: Setup(**RIGHT, loads=(Load(name="sun", kind="light"), Load(name="sun_eclipse"))),
+        "2 loads, motions or results of surfaces",
     ),
+    "more light than there is": (
+        lambda: Load(name="sun", kind="light", reflectivity=0.8, diffuse=0.3),
+        "are 1.1 together. Write shares of 1",
+    ),
+    "heat that cannot leave": (lambda: Load(name="sun", kind="light", emissivity=(0.0, 0.0)), "'emissivity' is"),
+    "gas that scatters": (lambda: Load(name="gas", diffuse=0.3), "'diffuse' belongs to light"),
     "name that is taken": (lambda: Setup(**RIGHT, loads=(Load(name="damage"),)), "that of another variable"),
     "two of a name": (
         lambda: Setup(**RIGHT, loads=(Load(name="p"), Load(name="p"))),

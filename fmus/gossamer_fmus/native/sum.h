@@ -17,27 +17,26 @@ static int CASADI_PREFIX(run)(int which, const double **arg, double **res) {
   static _Thread_local double space[LANES * (6 * MOST_NODES + MOST_SHARED + MOST_OWN + MOST_W + 1)];
   lanes *const xl = (lanes *)(((uintptr_t)space + sizeof(lanes) - 1) / sizeof(lanes) * sizeof(lanes));
   lanes *const fl = xl + 3 * MOST_NODES, *const dl = fl + 3 * MOST_NODES, *const gl = dl + MOST_SHARED, *const w = gl + MOST_OWN;
-  lanes rl[MOST_REDUCTIONS], sums[MOST_REDUCTIONS][BLOCK / LANES]; /* as many sums as a block has elements, whatever LANES */
+  lanes rl[MOST_REDUCTIONS], all[MOST_REDUCTIONS][BLOCK / LANES]; /* as many as a block has elements, whatever LANES */
   const lanes *argl[MOST_ARG];
   lanes *resl[MOST_RES];
   casadi_int iw[MOST_IW];
   double *f = loop->forces ? res[0] : NULL, **reduced = res + (loop->forces > 0);
   if (f) memset(f, 0, loop->n_f * sizeof(double));
   for (int k = 0; loop->reductions[k]; k++) {
-    if (reduced[k]) *reduced[k] = loop->reductions[k] == 'l' ? -INFINITY : 0.0;
-    for (int l = 0; l < BLOCK / LANES; l++) sums[k][l] = (lanes)(0.0);
+    for (int l = 0; l < BLOCK / LANES; l++) all[k][l] = (lanes)(loop->reductions[k] == 'l' ? -INFINITY : 0.0);
   }
   for (int begin = 0; begin < n; begin += LANES) {
     const int valid = n - begin < LANES ? n - begin : LANES, block = begin / BLOCK * BLOCK, first = begin % BLOCK;
     const int32_t *at = places + block * (m + 1) + first;
     const double *alone = own + block * loop->own + first;
     for (int i = 0; i < m; i++) {
+      lanes place[3]; /* gathered in registers: what is stored by lanes cannot be loaded at once */
       for (int l = 0; l < LANES; l++) {
         const double *node = x + at[i * BLOCK + l];
-        LANE(xl[i], l) = node[0];
-        LANE(xl[m + i], l) = node[1];
-        LANE(xl[2 * m + i], l) = node[2];
+        for (int a = 0; a < 3; a++) LANE(place[a], l) = node[a];
       }
+      for (int a = 0; a < 3; a++) xl[a * m + i] = place[a];
     }
     for (int k = 0; k < loop->shared && (begin == 0 || loop->columns > 1); k++) {
       for (int l = 0; l < LANES; l++) LANE(dl[k], l) = d[at[m * BLOCK + l] + k];
@@ -60,21 +59,25 @@ static int CASADI_PREFIX(run)(int which, const double **arg, double **res) {
       }
     }
     for (int k = 0; loop->reductions[k]; k++) {
+      lanes *so_far = &all[k][first / LANES];
       if (loop->reductions[k] == 's') {
         for (int l = valid; l < LANES; l++) LANE(rl[k], l) = 0.0;
-        sums[k][first / LANES] += rl[k];
+        *so_far += rl[k];
         continue;
       }
-      for (int l = 0; l < valid && reduced[k]; l++) {
-        double value = LANE(rl[k], l);
-        if (!(value <= *reduced[k]) && *reduced[k] == *reduced[k]) *reduced[k] = value; /* NaN stays */
-      }
+      *so_far = where((*so_far >= rl[k]) | (*so_far != *so_far), *so_far, rl[k]); /* NaN stays */
     }
   }
   for (int k = 0; loop->reductions[k]; k++) {
-    for (int l = 0; l < BLOCK && reduced[k] && loop->reductions[k] == 's'; l++) {
-      *reduced[k] += LANE(sums[k][l / LANES], l % LANES);
+    if (!reduced[k]) continue;
+    double one = LANE(all[k][0], 0);
+    if (loop->reductions[k] == 's') one += 0.0;
+    for (int l = 1; l < BLOCK; l++) {
+      double other = LANE(all[k][l / LANES], l % LANES);
+      if (loop->reductions[k] == 's') one += other;
+      else if (!(one >= other) && one == one) one = other;
     }
+    *reduced[k] = one;
   }
   return 0;
 }

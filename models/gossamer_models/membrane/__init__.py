@@ -4,7 +4,7 @@ from .assembly import MembraneEquations
 from .built import Surveyed, as_built, surveyed, with_shape
 from .effectors import SpringMasses, flex_file, node_file, spring_masses
 from .law import LAWS
-from .lines import Beam, Cable, PointMass
+from .lines import Beam, Cable, PointMass, taken
 from .model import first_period, membrane_model
 from .portable import read_structure
 from .reading import MeshFile, read_mesh
@@ -65,6 +65,7 @@ __all__ = [
     "Structure",
     "SurfaceMesh",
     "surface_mesh",
+    "taken",
     # the square of the thesis
     "MembraneParams",
     "square_structure",

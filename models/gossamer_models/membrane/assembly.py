@@ -24,11 +24,12 @@ from ..variables import Values
 from .element import balance, sum_at, tangents
 from .geometry import stiffest
 from .loops import at_points, element_tangent, encloses, force_loop, limits, own_numbers, swept, tilts, volume_loop
-from .setup import LEFT
+from .setup import LEFT, Load
 from .structure import Elements, Structure
 
 Shared: TypeAlias = dict[str, ca.MX]
-_PER_LENGTH = ("pressure", "absorbed", "mirrored")  # forces by length in the units of an element
+_PER_LENGTH = ("pressure", "onward", "mirrored", "scattered", "emitted")  # forces by length in the units of an element
+LAMBERT = 2.0 / 3.0  # mean cosine [1] of what a surface radiates by Lambert's law, weighted by it
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +94,8 @@ class MembraneEquations:
         own = structure, self._rank
         self._force_loops = [force_loop(*own, i, self.shared_names, compressed=compressed) for i in blocks]
         on_lines = np.unique(np.concatenate([np.zeros(0, dtype=int), *(parts.nodes.ravel() for parts in structure.lines)]))
-        self._line_loops = [parts.loop(on_lines, len(structure.setup.lines)) for parts in structure.lines]
+        of_lines = len(structure.setup.lines), 1 + bool(structure.setup.warm_lines)
+        self._line_loops = [parts.loop(on_lines, *of_lines) for parts in structure.lines]
         self._on_lines = (3 * self._rank[on_lines][:, None] + np.arange(3)).ravel().tolist()
         enclosing = blocks if structure.setup.gas is not None else ()
         self._volume_loops = [volume_loop(*own, i, self.shared_names) for i in enclosing]
@@ -192,39 +194,44 @@ class MembraneEquations:
                 pressure += on(acts) * (getattr(u, load.name) + (built_in if oscillates else 0.0))
                 oscillates = False
             elif load.kind == "light":
-                value = on(acts) * getattr(u, load.name)
-                values |= {"absorbed": (1.0 - load.reflectivity) * value, "mirrored": load.reflectivity * value}
-                along = getattr(u, f"{load.name}_direction")
-                direction = ca.vertsplit(along / ca.fmax(ca.norm_2(along), 1e-300))
-                values |= {f"light_{axis}": part for axis, part in zip("xyz", direction, strict=True)}
+                values |= _lit(load, setup.lights.index(load), on(acts), u)
         values["pressure"] = pressure
         if "along" in self.shared_names:
             factor = self.factor(p, "prestress")
             S = [factor * of_region(np.array([r.prestress[k] for r in setup.regions])) for k in range(3)]
             expansion = np.array([r.thermal_expansion for r in setup.regions])
-            warm = 2.0 * of_region(expansion) * of_region(u.temperature) if expansion.any() else 0.0
+            warm = 2.0 * of_region(expansion) * self._warmth(of_region(u.temperature), u) if setup.warms else 0.0
             for a, name in enumerate(("along", "across")):
                 values[name] = 2.0 * (S[a] - nu * S[1 - a]) / E - warm
             values["shear"] = 2.0 * (1.0 + nu) * S[2] / E
         return {name: values[name] for name in self.shared_names}
+
+    def _warmth(self, of_region: ca.MX, u: Values) -> ca.MX:
+        """Write the temperature of each combination [K], of its region and its zone over that."""
+        if not hasattr(u, "zone_temperature"):
+            return of_region
+        parts = self.structure.n_face_zones // u.zone_temperature.numel()  # of a zone, where these have damage of their own
+        rises = ca.vertcat(u.zone_temperature, 0.0)  # the last is of no zone
+        return of_region + rises[(self.structure.zone // parts).tolist()].T
 
     @property
     def shared_names(self) -> tuple[str, ...]:
         """Name what elements share: always stiffness [N/m] and pressure [Pa], and what else this setup has.
 
         Poisson's ratio [1]; twice the eigenstrain [1] along the first local axis, along the second and across; shares of the
-        stiffness [1] that are left along both axes; pressure of
-        light [Pa], the share that is absorbed and the share that is mirrored, and its direction [1].
+        stiffness [1] that are left along both axes; of each light its pressures [Pa] and direction [1], see
+        ``element.light``.
         """
         setup, found = self.structure.setup, ["D", "pressure"]
         if np.ptp([r.poisson_ratio for r in setup.regions]) > 0.0 or "poisson_ratio" in self._table:
             found.append("nu")
-        if any(any(r.prestress) or r.thermal_expansion for r in setup.regions):
+        if setup.warms or any(any(r.prestress) for r in setup.regions):
             found += ["along", "across", "shear"]
         if setup.directional:
             found += LEFT
-        if any(load.kind == "light" for load in setup.loads):
-            found += ["absorbed", "mirrored", "light_x", "light_y", "light_z"]
+        for k, load in enumerate(setup.lights):
+            around = ("scattered", "emitted") if load.glows else ()
+            found += [f"{name}_{k}" for name in ("onward", "mirrored", "light_x", "light_y", "light_z", *around)]
         return tuple(found)
 
     def spring_stiffness(self, p: Values) -> ca.MX:
@@ -248,7 +255,7 @@ class MembraneEquations:
         for i, block in enumerate(self.structure.elements):
             side = block.geometry.side or 1.0
             unit, per_unit = side * self.size(p), self.shortness(p) / side
-            own = {name: value * unit if name in _PER_LENGTH else value for name, value in shared.items()}
+            own = _in_units(shared, unit)
             if self._compiled or self._is_mapped:
                 sums = self._looped if self._compiled else self._mapped
                 f, rate, strain, *rest = sums(self._force_loops[i], per_unit * x, self._columns(own))
@@ -274,19 +281,24 @@ class MembraneEquations:
 
     def _with_lines(self, total: Forces, x: ca.MX, u: Values, p: Values) -> Forces:
         """Add what cables and beams give; the bounds of their squared frequencies add up."""
-        left, x, f, strain, rate = self._line_stiffness(u), x[self._on_lines], ca.MX(total.f), total.strain, ca.MX(0.0)
+        d, x, f, strain, rate = self._of_lines(u), x[self._on_lines], ca.MX(total.f), total.strain, ca.MX(0.0)
         for loop in self._line_loops:
-            pull, each, *more = self._looped(loop, x, left) if self._compiled else self._mapped(loop, x, left)
+            pull, each, *more = self._looped(loop, x, d) if self._compiled else self._mapped(loop, x, d)
             f[self._on_lines] += pull
             strain = ca.fmax(strain, *more) if more else strain
             rate += self.lightness(p) * each
         rate = total.rate + rate if self.structure.adds_lines else ca.fmax(total.rate, rate)
         return replace(total, f=f, rate=rate, strain=strain)
 
-    def _line_stiffness(self, u: Values) -> ca.MX:
-        """Write the share of the stiffness that is left in each beam and cable [1], shape (1, lines)."""
-        zone = self.structure.line_zone
-        return 1.0 - ca.vertcat(u.damage, 0.0)[zone.tolist()].T if np.any(zone >= 0) else ca.MX.ones(1, len(zone))
+    def _of_lines(self, u: Values) -> ca.MX:
+        """Write the share of the stiffness that is left in each beam and cable [1], and its expansion [1] if one expands."""
+        zone, setup = self.structure.line_zone, self.structure.setup
+        left = 1.0 - ca.vertcat(u.damage, 0.0)[zone.tolist()].T if np.any(zone >= 0) else ca.MX.ones(1, len(zone))
+        if not setup.warm_lines:
+            return left
+        expansion = np.array([line.thermal_expansion for line in setup.lines])
+        own = np.maximum(np.cumsum(expansion != 0.0) - 1, 0) + (len(setup.regions) if setup.warms else 0)
+        return ca.vertcat(left, (ca.DM(expansion) * u.temperature[own.tolist()]).T)
 
     def volume(self, x: ca.MX) -> ca.MX:
         r"""Write the volume [m3] that the enclosing faces bound: :math:`\tfrac13 \oint x \cdot n\,\mathrm{d}A`.
@@ -327,7 +339,7 @@ class MembraneEquations:
         for i, block in enumerate(self.structure.elements):
             side = block.geometry.side or 1.0
             unit = side * self.size(p)
-            d = self._columns({name: value * unit if name in _PER_LENGTH else value for name, value in shared.items()})
+            d = self._columns(_in_units(shared, unit))
             each = element_tangent(self.structure, i, self.shared_names, axes).map(len(block.nodes), "serial")
             at = ca.vertcat(*self._positions(block, self.shortness(p) / side * x))
             numbers = ca.DM(own_numbers(self.structure, block)).T
@@ -337,7 +349,7 @@ class MembraneEquations:
             slope = ca.densify(ca.jacobian(loop.function.call(arguments)[0], arguments[0]))
             each = ca.Function("line_tangent", arguments, [slope]).map(len(loop.nodes), "serial")
             at = ca.reshape(x[self._on_lines][_places(loop.nodes).reshape(-1).tolist()], -1, len(loop.nodes))
-            found.append(each(at, self._line_stiffness(u)[:, loop.shared.tolist()], ca.DM(loop.own).T))
+            found.append(each(at, self._of_lines(u)[:, loop.shared.tolist()], ca.DM(loop.own).T))
         return found
 
     def places(self, nodes: NDArray[np.int64], axes: int = 3) -> NDArray[np.int64]:
@@ -417,6 +429,24 @@ class MembraneEquations:
         return found
 
 
+def _in_units(shared: Shared, unit: Any) -> Shared:  # noqa: ANN401
+    """Return what elements share where their own unit of length is so many metres."""
+    return {name: value * unit if name.partition("_")[0] in _PER_LENGTH else value for name, value in shared.items()}
+
+
+def _lit(light: Load, k: int, acts: Any, u: Values) -> Shared:  # noqa: ANN401
+    """Write what elements share of light k of the setup, by name, where it acts."""
+    value = acts * getattr(u, light.name) * (1.0 - getattr(u, f"{light.name}_eclipse"))
+    found = {f"onward_{k}": (1.0 - light.reflectivity) * value, f"mirrored_{k}": light.reflectivity * value}
+    along = getattr(u, f"{light.name}_direction")
+    direction = ca.vertsplit(along / ca.fmax(ca.norm_2(along), 1e-300))
+    found |= {f"light_{axis}_{k}": part for axis, part in zip("xyz", direction, strict=True)}
+    front, back = light.emissivity
+    absorbed = 1.0 - light.reflectivity - light.diffuse
+    found[f"scattered_{k}"] = LAMBERT * light.diffuse * value
+    return found | {f"emitted_{k}": LAMBERT * absorbed * (front - back) / (front + back) * value}
+
+
 def _arrays(structure: Structure) -> dict[str, Vector]:
     """Return the arrays of the expressions by name, all but those of the elements, in the order of the model."""
     order, moving = structure.order, structure.moving
@@ -435,7 +465,8 @@ def _arrays(structure: Structure) -> dict[str, Vector]:
         "mobility": (structure.free.reshape(-1, 3)[moving] / structure.mass[moving, None]).ravel(),
     }
     if structure.setup.inplane_mass > 1.0:
-        found["normals"] = structure.normals[moving].ravel()
+        share = np.sqrt(1.0 - 1.0 / structure.surface_inertia)[:, None] if structure.setup.lines else 1.0
+        found["normals"] = (share * structure.normals)[moving].ravel()
     found |= {f"spring_{i}": row.reshape(-1, 3)[moving].ravel() for i, row in enumerate(structure.springs)}
     motions = enumerate(structure.setup.supports)
     found |= {f"way_{i}": of_nodes(structure.ways[i]) for i, support in motions if support.motion}

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..arrays import Matrix, Vector
 from .reduction import Reduced
 
+NOTHING = 1e-12  # of the membrane's mass: a mode of less shakes no frame
 TURNS = 1e-6  # of a mode's participation: along the axes less than that is none
 
 
@@ -53,7 +54,7 @@ def spring_masses(reduced: Reduced) -> SpringMasses:
     p, q = np.hsplit(reduced.modes.participation, 2)
     mass = np.sum(p**2, axis=1)
     size = np.sum(q**2, axis=1) / reduced.modes.linearised.structure.mesh.size**2
-    moves = mass > TURNS * (mass + size)
+    moves = (mass > TURNS * (mass + size)) & (mass > NOTHING * reduced.modes.moving[0, 0])
     p, q, mass, squares = p[moves], q[moves], mass[moves], reduced.modes.squares[moves]
     along = np.abs(np.sum(p * q, axis=1)) / np.sqrt(mass)
     length = np.linalg.norm(q, axis=1)

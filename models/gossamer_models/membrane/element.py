@@ -150,8 +150,9 @@ def element_points(tangents: Matrix, element: Element, w: Entry, shared: Mapping
         Each a number or one of every point: ``D``, E/(1 - nu^2) [Pa]; ``nu``; ``pressure`` over thickness [Pa/length]. Of
         some membranes twice the strain [1] that the stress is of beside the geometric one, ``along``, ``across`` and
         ``shear``: of a prestress, or minus that of heat. Shares of the stiffness [1] ``left_along`` and ``left_across``, see
-        ``law.torn``. And light: its direction [1] ``light_x``, ``light_y``, ``light_z``,
-        its pressures over thickness [Pa/length], ``absorbed`` and ``mirrored``.
+        ``law.torn``. And lights, a number behind each name: direction [1] ``light_x_0``, ``light_y_0``, ``light_z_0``;
+        pressures over thickness [Pa/length], ``onward_0`` along the light and ``mirrored_0``, of some also ``scattered_0``
+        and ``emitted_0``, see ``light``.
 
     Notes
     -----
@@ -161,15 +162,12 @@ def element_points(tangents: Matrix, element: Element, w: Entry, shared: Mapping
     .. math:: f_I = \int N_I\,p\; x_{,s} \times x_{,t}\,\mathrm{d}s\,\mathrm{d}t - \int F S\,\nabla N_I\,\mathrm{d}A,
 
     the total Lagrangian form of [1]_ with the consistent follower load of [2]_, both by the quadrature of the element.
-    Light that travels along u exerts, per current area and with the normal N of its length, :math:`|u \cdot N|` of the
-    absorbed pressure along u and twice that of the mirrored one along the normal, Section 2.6 of [3]_.
 
     References
     ----------
     .. [1] T. Belytschko, W. K. Liu, B. Moran, K. Elkhodary, Nonlinear Finite Elements for Continua and Structures,
        2nd ed., Wiley, 2014, Section 4.9.
     .. [2] K. Schweizerhof, E. Ramm, Computers & Structures 18(6), 1099-1114, 1984, doi:10.1016/0045-7949(84)90154-8.
-    .. [3] C. R. McInnes, Solar Sailing, Springer, 1999, doi:10.1007/978-1-4471-3992-8.
     """
     nu, F = shared["nu"], tangents @ element.J_inverse
     e = F.T @ F - np.eye(2)
@@ -182,13 +180,8 @@ def element_points(tangents: Matrix, element: Element, w: Entry, shared: Mapping
     P = F @ S @ element.J_inverse.T
     normal = np.cross(tangents[:, 0], tangents[:, 1])
     load = [w * shared["pressure"] * component for component in normal]
-    if "absorbed" in shared:
-        light = [shared[f"light_{axis}"] for axis in "xyz"]
-        across = sum(u * component for u, component in zip(light, normal, strict=True))
-        area = ca.fabs(across) * w
-        along = 2.0 * shared["mirrored"] * across / sum(component**2 for component in normal)
-        pairs = zip(light, normal, strict=True)
-        load = [f + area * (shared["absorbed"] * u + along * c) for f, (u, c) in zip(load, pairs, strict=True)]
+    for k in range(sum(name.startswith("onward_") for name in shared)):
+        load = [f + pushed for f, pushed in zip(load, light(normal, k, w, shared), strict=True)]
     trace, spread = principal(e)
     strain = (trace + spread) / 2.0
     if stressed is e:
@@ -198,6 +191,37 @@ def element_points(tangents: Matrix, element: Element, w: Entry, shared: Mapping
         wave = 1.0 + strain + (1.0 + nu) / 4.0 * trace + (1.0 - nu) / 4.0 * spread
     compressed = w * element.J * ((1.0 + nu) * trace < (1.0 - nu) * spread - COMPRESSION)
     return Points(P, load, wave, strain, compressed)
+
+
+def light(normal: Matrix, k: int, w: Entry, shared: Mapping[str, Entry]) -> list[Entry]:
+    r"""Write the load of light k on the points of elements, three components; arguments are those of ``element_points``.
+
+    Notes
+    -----
+    Light of pressure p that travels along u exerts per current area, with the normal N of unit length,
+
+    .. math::
+
+        p\,|u \cdot N|\,\{(1 - \rho)\,u + [2 \rho\,(u \cdot N) + \tfrac23 d\,\mathrm{sgn}(u \cdot N) - \tfrac23
+        (1 - \rho - d)\,(\epsilon_+ - \epsilon_-) / (\epsilon_+ + \epsilon_-)]\,N\},
+
+    where the shares :math:`\rho` are mirrored and d scattered, and the heat of the rest leaves by the emissivities
+    :math:`\epsilon_+` of the side of N and :math:`\epsilon_-` of the other: Section 2.6 of [1]_ with sides that radiate by
+    Lambert's law, B = 2/3.
+
+    References
+    ----------
+    .. [1] C. R. McInnes, Solar Sailing, Springer, 1999, doi:10.1007/978-1-4471-3992-8.
+    """
+    u = [shared[f"light_{axis}_{k}"] for axis in "xyz"]
+    across = sum(a * component for a, component in zip(u, normal, strict=True))
+    area, square = ca.fabs(across) * w, sum(component**2 for component in normal)
+    along = 2.0 * shared[f"mirrored_{k}"] * across / square
+    load = [area * (shared[f"onward_{k}"] * a + along * component) for a, component in zip(u, normal, strict=True)]
+    if f"scattered_{k}" in shared:
+        around = (shared[f"scattered_{k}"] * across * w - shared[f"emitted_{k}"] * area) / ca.sqrt(square)
+        load = [f + around * component for f, component in zip(load, normal, strict=True)]
+    return load
 
 
 def balance(P: Matrix, load: Sequence[Entry], element: Element) -> Entry:

@@ -209,9 +209,9 @@ def held_back(a: ca.MX, w: ca.MX, w_dot: ca.MX, k: float, n: Columns, r: Columns
     a, w, w_dot : casadi.MX
         Those of ``FrameStep``.
     k : float
-        Factor on the inertia [1].
+        Factor on the inertia [1]; 0 if each node has its own, which the normals say.
     n : list of casadi.MX, shape (N,)
-        Normals of the reference surface [1].
+        Normals of the reference surface [1], or these times the root of 1 - 1/k.
     r, s, pull : list of casadi.MX, shape (N,)
         As of ``kick``.
     """
@@ -221,6 +221,9 @@ def held_back(a: ca.MX, w: ca.MX, w_dot: ca.MX, k: float, n: Columns, r: Columns
     faster = cross([w_dot[i] for i in range(3)], r)
     A = [pull[i] - a[i] - faster[i] - turning[i] for i in range(3)]
     across = sum(x * y for x, y in zip(n, A, strict=True))
+    if not k:
+        held = sum(x**2 for x in n)
+        return [held * x - y * across for x, y in zip(A, n, strict=True)]
     return [(1.0 - 1.0 / k) * (x - y * across) for x, y in zip(A, n, strict=True)]
 
 

@@ -66,16 +66,21 @@ def _inputs(setup: Setup, zone_names: tuple[str, ...]) -> list[Variable]:
             for axis, start in zip("xyz", (np.array(load.direction) / np.linalg.norm(load.direction)).tolist(), strict=True):
                 text = f"Direction in which the light travels, along {axis}; its length does not matter"
                 rows.append(input_(f"{load.name}_direction[{'xyz'.index(axis) + 1}]", "1", text, start, -1.0, 1.0))
+            text = "Share of the light that is in shadow: 0 outside of an eclipse, 1 in its umbra"
+            rows.append(input_(f"{load.name}_eclipse", "1", text, 0.0, 0.0, 1.0, optional=True))
     for i, axis in enumerate("xyz"):
         text = f"Acceleration of the rigid frame along {axis}, which displacements are relative to"
         rows.append(input_(f"base_acceleration[{i + 1}]", "m/s2", text, 0.0, -1e5, 1e5, nominal=10.0))
     if setup.gas is not None:
         text = "Amount of gas, times its absolute temperature, over that at the start"
         rows.append(input_("gas_amount", "1", text, 1.0, 0.0, 1e3))
-    if any(r.thermal_expansion for r in setup.regions):
-        for i, r in enumerate(setup.regions):
-            text = f"Temperature of region {r.group or i + 1} over that of the reference shape"
-            rows.append(input_(f"temperature[{i + 1}]", "K", text, 0.0, -1e3, 1e3, nominal=100.0))
+    warm = [f"region {r.group or i + 1}" for i, r in enumerate(setup.regions) if setup.warms]
+    for k, what in enumerate((*warm, *(f"the line {line.name}" for line in setup.warm_lines)), 1):
+        text = f"Temperature of {what} over that of the reference shape"
+        rows.append(input_(f"temperature[{k}]", "K", text, 0.0, -1e3, 1e3, nominal=100.0))
+    for k, zone in enumerate(zone_names[: len(zone_names) - sum(line.zone for line in setup.lines)] if warm else (), 1):
+        text = f"Temperature of {zone} over that of its region"
+        rows.append(input_(f"zone_temperature[{k}]", "K", text, 0.0, -1e3, 1e3, nominal=100.0, optional=True))
     for support in setup.supports:
         if support.motion:
             text = f"Share of the way that the support {support.group} is moved"

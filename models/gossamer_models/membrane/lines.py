@@ -44,6 +44,8 @@ class Line:
         Equal segments between two of these.
     youngs_modulus, area, density : float
         [Pa], [m2], [kg/m3].
+    thermal_expansion : float
+        Strain per rise of temperature [1/K]; with it the line has an input ``temperature``, behind those of regions.
     zone : bool
         Whether it is a damage zone; these follow those of faces, beams first.
     """
@@ -55,6 +57,7 @@ class Line:
     group: str = ""
     path: tuple[str | Triple, ...] = ()
     parts: int = 10
+    thermal_expansion: float = 0.0
     zone: bool = False
 
     def __post_init__(self) -> None:
@@ -62,7 +65,7 @@ class Line:
 
     def _mistakes(self) -> Iterator[Mistake]:
         limits = {"youngs_modulus": (1.0, 1e13), "area": (1e-16, 1e2), "density": (1e-3, 1e5), "parts": (1, MOST_PARTS)}
-        yield from outside(self, **limits)
+        yield from outside(self, **limits, thermal_expansion=(-1.0, 1.0))
         if not self.name.isidentifier():
             text = f"'name' is {self.name!r}. Use letters, digits and underscores, and no digit at the start."
             yield Mistake(("name",), text)
@@ -163,35 +166,39 @@ class LineParts:
     limit: Vector
     stiffness: Vector
 
-    def loop(self, nodes: Integers, lines: int) -> ElementLoop:
-        """Write the forces of one as a function, for all of them in a loop over the nodes of lines alone, rising."""
+    def loop(self, nodes: Integers, lines: int, shared: int) -> ElementLoop:
+        """Write the forces of one as a function, for all of them in a loop over the nodes of lines alone, rising.
+
+        The first of ``shared`` numbers of a line is the share of its stiffness that is left [1], a second its expansion [1].
+        """
         k = self.nodes.shape[1]
-        x, left, g = ca.SX.sym("x", 3 * k), ca.SX.sym("left"), ca.SX.sym("g", self.own.shape[1] + 1)
-        results = ca.cse((_stretched if k == 2 else _bent)(x, left, g))
-        function = ca.Function(f"line_{k}", [x, left, g], results)
+        x, d, g = ca.SX.sym("x", 3 * k), ca.SX.sym("d", shared), ca.SX.sym("g", self.own.shape[1] + 1)
+        results = ca.cse((_stretched if k == 2 else _bent)(x, d, g))
+        function = ca.Function(f"line_{k}", [x, d, g], results)
         own, largest = np.column_stack([self.own, self.limit]), ("largest",) * (len(results) - 1)
         at = np.searchsorted(nodes, self.nodes)
         return ElementLoop(f"lines_{k}", function, k, largest, len(nodes), lines, at, self.line, own)
 
 
-def _stretched(x: ca.SX, left: ca.SX, g: ca.SX) -> list[ca.SX]:
+def _stretched(x: ca.SX, d: ca.SX, g: ca.SX) -> list[ca.SX]:
     r"""Return forces, bound of the squared frequency [1/s2] and twice the Green-Lagrange strain of a segment.
 
     Notes
     -----
-    Hooke's law in the nominal strain, :math:`N = EA\,(l/L - 1)`; a cable that is shorter than L is slack. Across it the
-    stiffness :math:`N/l` is below :math:`EA/L` along it.
+    Hooke's law in the nominal strain, :math:`N = EA\,(l/L - 1)`, less that of heat; a cable without tension is slack. Across
+    it the stiffness :math:`N/l` is below :math:`EA/L` along it.
     """
     EA, L, is_cable, limit = ca.vertsplit(g)
     e = x[1::2] - x[0::2]
     l = ca.norm_2(e)
-    strain = l / L - 1.0
+    left, *warm = ca.vertsplit(d)
+    strain = l / L - 1.0 - sum(warm)
     N = EA * left * ca.if_else(is_cable, ca.fmax(strain, 0.0), strain)
     f = N / l * e
     return [ca.vec(ca.horzcat(f, -f).T), limit * left, (l / L) ** 2 - 1.0]
 
 
-def _bent(x: ca.SX, left: ca.SX, g: ca.SX) -> list[ca.SX]:
+def _bent(x: ca.SX, d: ca.SX, g: ca.SX) -> list[ca.SX]:
     r"""Return forces and bound of the squared frequency [1/s2] of a bend.
 
     Notes
@@ -205,7 +212,7 @@ def _bent(x: ca.SX, left: ca.SX, g: ca.SX) -> list[ca.SX]:
     .. [1] M. Bergou, M. Wardetzky, S. Robinson, B. Audoly, E. Grinspun, ACM Transactions on Graphics 27(3), 63, 2008,
        doi:10.1145/1360612.1360662.
     """
-    k, limit = ca.vertsplit(g)
+    (k, limit), left = ca.vertsplit(g), d[0]
     a, b = x[1::3] - x[0::3], x[2::3] - x[1::3]
     s = ca.sumsqr(b / ca.norm_2(b) - a / ca.norm_2(a))
     energy = k * left / 2.0 * s * (1.0 + s / 12.0 + s**2 / 90.0)
@@ -265,6 +272,16 @@ def with_lines(tables: Mapping[str, Sequence[Line]], mesh: SurfaceMesh) -> Surfa
     raise_any(mistakes)
     held = np.array(clamped, dtype=np.int64).reshape(-1, 4)
     return replace(mesh, nodes=np.array(nodes), points=points, lines=laid, clamped=held)
+
+
+def taken(tables: Mapping[str, Sequence[Line]], mesh: SurfaceMesh) -> Iterator[Mistake]:
+    """Find lines whose groups would take the place of groups of a mesh that has no lines yet."""
+    for table, rows in tables.items():
+        for i, line in enumerate(rows):
+            own = [line.name, *(f"{line.name}_{end}" for end in ("start", "end") if line.path)]
+            for name in mesh.points.keys() & set(own):
+                text = f"{mesh.name} has a group {name!r}, and the line {line.name!r} makes one of that name. Rename one."
+                yield Mistake((table, i, "name"), text)
 
 
 def _refuse(key: str, text: str, name: str = "", known: Iterable[str] = ()) -> NoReturn:

@@ -177,6 +177,9 @@ def membrane_model(
         if k == 1.0:
             return v
         across = ca.vec(ca.repmat(_products(v, t["normals"]).T, 3, 1))
+        if setup.lines:  # whose normals say how much
+            held = ca.vec(ca.repmat(_products(t["normals"], t["normals"]).T, 3, 1))
+            return only_free(v - held * v + t["normals"] * across)
         return only_free(v / k + (1.0 - 1.0 / k) * t["normals"] * across)
 
     def step(x: MembraneState, u: Values, p: Values, h: ca.MX) -> tuple[MembraneState, dict[str, ca.MX]]:
@@ -353,7 +356,7 @@ def first_period(structure: Structure, given: Mapping[str, ArrayLike] | None = N
         msg = "there is no equilibrium to vibrate about. Check supports, prestress and loads of the setup."
         raise ConvergenceError(msg)
     K = equilibrium.tangent(found, 0)
-    normals, k = structure.normals[structure.moving], structure.setup.inplane_mass
+    normals, k = structure.normals[structure.moving], structure.surface_inertia[structure.moving, None, None]
     across = np.einsum("ni,nj->nij", normals, normals)
     blocks = structure.mass[structure.moving, None, None] * (across + k * (np.eye(3) - across))
     M = scipy.sparse.block_diag([scipy.sparse.csc_array(each) for each in blocks], format="csc")

@@ -108,7 +108,7 @@ class Rider:
         self._equations, self._n_q, self._compiled = equations, 3 * n, compiled
         self._normals = [equations.arrays["normals"]] if structure.setup.inplane_mass > 1.0 else []
         self._drift = NodeLoop("drift", _drift, 2, shared, mass[:n])
-        k, more = structure.setup.inplane_mass, self._normals
+        k, more = 0.0 if structure.setup.lines else structure.setup.inplane_mass, self._normals
         self._kick = NodeLoop("kick", partial(_kick, k=k), 4 + len(more), shared, mass[:n])
         self._held = NodeLoop("held", _held, 3, shared, mass[n:])
         if compiled:

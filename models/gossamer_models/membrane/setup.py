@@ -20,12 +20,13 @@ from .lines import Beam, Cable, Line, PointMass
 from .zones import ZERO, Triple, Zone
 
 Place: TypeAlias = tuple[float, float]
+BLACK = (1.0, 1.0)  # emissivities that push nowhere
 LEFT = ("left_along", "left_across")  # inputs: shares of the stiffness of each zone along its region's axes
 # variables that a membrane has beside loads and motions
 RESERVED = {
     *("youngs_modulus", "support_stiffness", "mass_damping", "pressure_amplitude", "pressure_frequency", "pressure_phase"),
-    *("base_acceleration", "gas_amount", "temperature", "damage", "strain", "displacement", "gas_pressure", "volume"),
-    *("node", "largest_strain", "displacement_ratio", "compressed_share", "max_step", *LEFT),
+    *("base_acceleration", "gas_amount", "temperature", "zone_temperature", "damage", "strain", "displacement", "volume"),
+    *("gas_pressure", "node", "largest_strain", "displacement_ratio", "compressed_share", "max_step", *LEFT),
 }
 
 
@@ -51,7 +52,7 @@ class Region:
     direction : tuple of float
         Projected on the surface, the first axis of ``prestress``.
     thermal_expansion : float
-        Strain per rise of temperature [1/K]; with it the membrane has an input ``temperature``.
+        Strain per rise of temperature [1/K]; with it the membrane has the inputs ``temperature`` and ``zone_temperature``.
     """
 
     youngs_modulus: float
@@ -159,16 +160,18 @@ class Load:
         Name of the input.
     kind : {"pressure", "dead_pressure", "light", "force"}
         Pressure [Pa] along the normal as the surface turns, or along that of the reference shape. Light: pressure [Pa] of
-        light that is wholly absorbed; its direction of travel is the input ``<name>_direction``. Force [N] on every node of
-        groups, or in all at a point.
+        light that is wholly absorbed; its direction of travel is the input ``<name>_direction``, its share [1] in shadow
+        ``<name>_eclipse``. Force [N] on every node of groups, or in all at a point.
     groups : tuple of str
         Groups of faces, or of nodes for forces; empty for all faces.
     start : float
         Start value of the input.
     direction : tuple of float
         Of a force, or where light travels to at the start.
-    reflectivity : float
-        Share of the light [1] that is mirrored; the rest is absorbed.
+    reflectivity, diffuse : float
+        Shares of the light [1] that are mirrored and scattered evenly; the rest is absorbed.
+    emissivity : tuple of float
+        Of the side that the normal of the surface is on, and of the other [1]: they share the heat of absorbed light.
     point : tuple of float or None
         Where a force acts [m], in place of groups.
     radius : float
@@ -181,11 +184,14 @@ class Load:
     start: float = 0.0
     direction: Triple = (0.0, 0.0, 1.0)
     reflectivity: float = 0.0
+    diffuse: float = 0.0
+    emissivity: tuple[float, float] = BLACK
     point: Triple | None = None
     radius: float = 0.0
 
     def __post_init__(self) -> None:
-        mistakes = [*outside(self, start=(-1e6, 1e6), reflectivity=(0.0, 1.0)), *no_direction(self, "direction")]
+        shares = {"reflectivity": (0.0, 1.0), "diffuse": (0.0, 1.0)}
+        mistakes = [*outside(self, start=(-1e6, 1e6), **shares), *no_direction(self, "direction")]
         mistakes += [*outside(self, radius=(0.0, 1e3)), *(not_finite(self, "point") if self.point else ())]
         if not self.name.isidentifier():
             text = f"'name' is {self.name!r}. Use letters, digits and underscores, and no digit at the start."
@@ -193,14 +199,24 @@ class Load:
         if self.kind == "force" and bool(self.groups) == (self.point is not None):
             text = "a force needs 'groups', those of nodes that it acts on, or a 'point'. Write one of them."
             mistakes.append(Mistake(("groups",), text))
-        wrong = {
-            "point": self.point is not None and self.kind != "force",
-            "radius": self.radius > 0.0 and self.point is None,
-        }
-        mistakes += [
-            Mistake((name,), f"{name!r} belongs to a force at a point. Leave it out.") for name in wrong if wrong[name]
-        ]
+        if self.reflectivity + self.diffuse > 1.0:
+            text = f"'reflectivity' and 'diffuse' are {self.reflectivity + self.diffuse:g} together. Write shares of 1."
+            mistakes.append(Mistake(("diffuse",), text))
+        if not (all(0.0 <= e <= 1.0 for e in self.emissivity) and any(self.emissivity)):
+            text = f"'emissivity' is {list(self.emissivity)}. Write two numbers from 0 to 1, not 0 both."
+            mistakes.append(Mistake(("emissivity",), text))
+        optical = {name: getattr(self, name) != 0.0 for name in shares} | {"emissivity": self.emissivity != BLACK}
+        wrong = {name: (there and self.kind != "light", "light") for name, there in optical.items()}
+        wrong["point"] = self.point is not None and self.kind != "force", "a force at a point"
+        wrong["radius"] = self.radius > 0.0 and self.point is None, "a force at a point"
+        misplaced = ((name, owner) for name, (there, owner) in wrong.items() if there)
+        mistakes += [Mistake((name,), f"{name!r} belongs to {owner}. Leave it out.") for name, owner in misplaced]
         raise_any(mistakes)
+
+    @property
+    def glows(self) -> bool:
+        """Whether what is scattered or radiated pushes."""
+        return self.diffuse > 0.0 or self.emissivity[0] != self.emissivity[1]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -445,7 +461,7 @@ class Setup:
     pressure_amplitude, pressure_frequency : float
         Start values of the built-in pressure [Pa], [Hz].
     inplane_mass : float
-        Factor on the inertia along the surface [1], at least 1: longer steps for a stiff, thin membrane.
+        Factor on the inertia of the film along the surface [1], at least 1: longer steps for a stiff, thin membrane.
     expose : bool
         Whether the displacement of every node is a variable.
     directional : bool
@@ -511,6 +527,21 @@ class Setup:
         return tuple(i for i, support in enumerate(self.supports) if support.stiffness)
 
     @property
+    def lights(self) -> tuple[Load, ...]:
+        """Loads that are light."""
+        return tuple(load for load in self.loads if load.kind == "light")
+
+    @property
+    def warms(self) -> bool:
+        """Whether the film expands."""
+        return any(r.thermal_expansion for r in self.regions)
+
+    @property
+    def warm_lines(self) -> tuple[Line, ...]:
+        """Beams and cables that expand, in the order of ``lines``."""
+        return tuple(line for line in self.lines if line.thermal_expansion)
+
+    @property
     def lines(self) -> tuple[Line, ...]:
         """Beams, then cables."""
         return (*self.beams, *self.cables)
@@ -545,9 +576,6 @@ class Setup:
                 "nodes of the surface as it was built leave the places of cables and beams. Name groups of nodes in 'path'."
             )
             yield Mistake(("built",), text)
-        if self.lines and self.inplane_mass > 1.0:
-            text = "cables and beams move with their true mass in all directions. Leave out 'inplane_mass'."
-            yield Mistake(("inplane_mass",), text)
         if self.directional and any(line.zone for line in self.lines):
             yield Mistake(("directional",), "cables and beams that are zones have one direction. Leave out 'zone' or this.")
         known = tuple(line.name for line in self.lines)
@@ -577,13 +605,10 @@ class Setup:
                 yield Mistake(("faults",), f"{count} faults have the name {name!r}. Give each its own.")
         names = [load.name for load in self.loads] + [support.motion for support in self.supports if support.motion]
         names += [output for surface in self.surfaces for output in surface.outputs]
+        names += [f"{load.name}_{what}" for load in self.lights for what in ("direction", "eclipse")]
         for name in RESERVED & set(names):
             text = f"a load, motion or surface has the name {name!r}, which is that of another variable. Choose another."
             yield Mistake(("loads",), text)
-        lights = [i for i, load in enumerate(self.loads) if load.kind == "light"]
-        if len(lights) > 1:
-            text = "there is light already, and the membrane knows one sun. Name the groups of both in one load."
-            yield Mistake(("loads", lights[1], "kind"), text)
         for name, count in Counter(names).items():
             if count > 1:
                 text = f"{count} loads, motions or results of surfaces have the name {name!r}. Give each its own."

@@ -1,9 +1,9 @@
 r"""What a viewer needs to draw a membrane from a state of its model, as a file.
 
 Symbols: ``N`` nodes, ``M`` of them free, ``n`` faces that are drawn, ``S`` ways in which inputs and parameters move nodes,
-``R`` regions, ``K`` sensors. The place of a node is :math:`x = l X + q + \sum_s m_s w_s`: ``nodes`` times the variable
-``size``; the displacements of the nodes in ``moving``, in the state from the place ``q`` on; and ``ways``, each times its
-variable in ``moved_by``.
+``R`` regions, or their parts with a temperature of their own, ``K`` sensors. The place of a node is
+:math:`x = l X + q + \sum_s m_s w_s`: ``nodes`` times the variable ``size``; the displacements of the nodes in
+``moving``, in the state from the place ``q`` on; and ``ways``, each times its variable in ``moved_by``.
 """
 
 import io
@@ -42,9 +42,10 @@ def membrane_shape(structure: Structure, variables: Sequence[Variable]) -> bytes
     triangles; ``element``, ``region`` and ``zone`` (n,) from 0, zone -1 where damage does not act; ``q``, place of the
     displacements in the state, three for each node in ``moving`` (M,); ``ways`` (S, N, 3) and ``moved_by`` (S,).
     Numbers of variables, or -1 for none: ``moved_by`` and ``size``, none being 1, and ``youngs_modulus``,
-    ``temperature`` and ``poisson_from`` (R,), which is in place of ``poisson_ratio`` (R,) [1]. Of regions also
+    ``temperature``, of some also ``zone_temperature`` to add, and ``poisson_from`` (R,), which is in place of
+    ``poisson_ratio`` (R,) [1]. Of regions also
     ``thermal_expansion`` [1/K] (R,), ``prestress`` [Pa] and ``direction`` (R, 3). ``sensor_points``, in units of
-    the size, and ``sensor_directions`` (K, 3).
+    the size, and ``sensor_directions`` (K, 3). Of cables and beams ``segments`` (s, 2), nodes, and ``segment_zone`` (s,).
     """
     setup, mesh = structure.setup, structure.mesh
     number = {variable.name: i for i, variable in enumerate(variables)}
@@ -56,12 +57,17 @@ def membrane_shape(structure: Structure, variables: Sequence[Variable]) -> bytes
     element = np.concatenate([np.repeat(b.faces, len(f) // len(b.faces)) for b, f in zip(mesh.blocks, faces, strict=True)])
     ways = structure.ways.reshape(-1, len(mesh.nodes), 3)
     moved = [s for s, way in enumerate(ways) if way.any()]
-    regions = range(len(setup.regions))
+    regions, part = list(range(len(setup.regions))), structure.region
+    warm: dict[str, Integers] = {}
+    if "zone_temperature[1]" in number:
+        parts, part = np.unique(np.column_stack([structure.region, structure.zone]), axis=0, return_inverse=True)
+        regions = parts[:, 0].tolist()
+        warm["zone_temperature"] = _integers([number.get(f"zone_temperature[{zone + 1}]", -1) for zone in parts[:, 1]])
     arrays = {
         "nodes": (mesh.nodes - structure.origin) / size,
         "faces": np.concatenate(faces).astype(np.int32),
         "element": element.astype(np.int32),
-        "region": structure.region[combination].astype(np.int32),
+        "region": part[combination].astype(np.int32),
         "zone": structure.zone[combination].astype(np.int32),
         "size": number.get("side_length", -1),
         "q": 0,
@@ -71,15 +77,20 @@ def membrane_shape(structure: Structure, variables: Sequence[Variable]) -> bytes
         "youngs_modulus": _integers(
             [number.get(f"youngs_modulus[{i + 1}]", number.get("youngs_modulus", -1)) for i in regions]
         ),
-        "temperature": _integers([number.get(f"temperature[{i + 1}]", -1) for i in regions]),
+        "temperature": _integers([number.get(f"temperature[{i + 1}]", -1) if setup.warms else -1 for i in regions]),
+        **warm,
         "poisson_from": _integers([number.get("poisson_ratio", -1) for _ in regions]),
         **{
-            name: np.array([getattr(region, name) for region in setup.regions])
+            name: np.array([getattr(setup.regions[i], name) for i in regions])
             for name in ("poisson_ratio", "thermal_expansion", "prestress", "direction")
         },
         "sensor_points": (_rows([sensor.point for sensor in setup.sensors]) - structure.origin) / size,
         "sensor_directions": _rows([sensor.direction for sensor in setup.sensors]),
     }
+    if mesh.lines:
+        pairs = [mesh.lines[line.name] for line in setup.lines]
+        arrays["segments"] = np.concatenate(pairs).astype(np.int32)
+        arrays["segment_zone"] = np.repeat(structure.line_zone, [len(each) for each in pairs]).astype(np.int32)
     file = io.BytesIO()
     card = {"schema": SCHEMA, "version": VERSION, "name": setup.title or mesh.name}
     np.savez(file, card=np.array(json.dumps(card)), **arrays)

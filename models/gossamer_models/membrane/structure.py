@@ -151,6 +151,20 @@ class Structure:
         return self.variables(self.setup, self.zone_names, len(self.mesh.nodes))
 
     @property
+    def surface_inertia(self) -> Vector:
+        r"""Factors k on the inertia of nodes along the surface [1], shape (N,); only the film's share s of a mass is scaled.
+
+        Notes
+        -----
+        With the setup's own factor K, :math:`k = 1 + s\,(K - 1)`: cables, beams and masses on them keep their inertia.
+        """
+        setup, k = self.setup, np.full(len(self.mesh.nodes), self.setup.inplane_mass)
+        if not setup.lines:
+            return k
+        added = line_masses(setup.lines, self.mesh) + point_masses(setup.masses, self.mesh)
+        return np.asarray(1.0 + (k - 1.0) * (1.0 - added / np.maximum(self.mass, 1e-300)))
+
+    @property
     def areas(self) -> Vector:
         """Reference areas of all elements [m2], in the order of the faces of the file."""
         return np.concatenate([block.geometry.areas for block in self.elements])

@@ -76,6 +76,7 @@ COLOURED = 100.0  # chi2 per sample up to which noise may be coloured: what is s
 LOUD = 10.0  # chi2 per sample of a search with louder noise, up to which that may be the noise
 FLOOR = 3.0  # times the noise: no search takes the mesh for more exact, before a finer one is simulated
 LEFT = {"strain": 0.15, "resistance": 0.3}  # of the error of the thesis' square: measured of order 8 by pairs of order 12
+UNPARTED = "zones of cables and beams are not parted, so nothing but damage of whole zones was looked for"
 WIRED = 20.0  # of chi2: what another wiring of a record that fits must explain, or another end of a search, to stand alone
 
 
@@ -331,7 +332,9 @@ class Twin:
                 together = corrected(together, *finer, whole.noise, sparse=self.sparse, simulated=False)
             fit = together if together is not None and together.passes else fit
         if self._parted is None or isinstance(record, StaticRecord):
-            return fit, [], unresolved
+            structure = getattr(self._forward, "structure", None)
+            lines = self._parted is None and structure is not None and structure.n_face_zones < structure.n_zones
+            return fit, [UNPARTED] * lines, unresolved
         return *self._parted.look(fit, sparse=self.sparse), unresolved
 
     def untold(self, record: ResponseRecord, report: Progress = lambda *_: None) -> list[str]:

@@ -29,7 +29,7 @@ def in_space(
     """Return what a page needs to draw a structure at n times, at rest or displaced by ``moved`` [m], shape (n, N, 3)."""
     surface, count = surface_of(structure), len(time)
     places = surface.nodes + (np.zeros((count, 1, 1)) if moved is None else moved)
-    history = ShapeHistory(surface, time, places, np.zeros((count, len(structure.setup.regions), 3)))
+    history = ShapeHistory(surface, time, places, np.zeros((count, len(surface.poisson_ratio), 3)))
     drawn = surface_content(history, np.arange(count))
     return {
         "frames": time,

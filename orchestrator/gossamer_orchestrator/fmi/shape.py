@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import logging
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -41,13 +41,16 @@ class Surface:
     faces : ndarray of int, shape (n, 4)
         Nodes of each face; the last of a triangle is -1.
     element, region, zone : ndarray of int, shape (n,)
-        What each face belongs to, from 0; zone -1 where damage does not act.
+        What each face belongs to, from 0; zone -1 where damage does not act. Regions whose zones have temperatures of their
+        own come apart into these.
     poisson_ratio : ndarray, shape (R,)
         Of the regions [1].
     direction : ndarray, shape (R, 3)
         Projected on the surface, the first axis of the eigenstrain.
     sensor_points, sensor_directions : ndarray, shape (K, 3)
         Where the sensors are [m], and along what they measure.
+    segments, segment_zone : ndarray of int, shapes (s, 2) and (s,)
+        Nodes of each segment of a cable or beam, and its zone.
     """
 
     nodes: Array
@@ -59,11 +62,19 @@ class Surface:
     direction: Array
     sensor_points: Array
     sensor_directions: Array
+    segments: Integers = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
+    segment_zone: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+
+    @property
+    def zones(self) -> int:
+        """How many zones there are, up to the last that has a face or a segment."""
+        return 1 + int(np.concatenate([self.zone, self.segment_zone]).max(initial=-1))
 
     @classmethod
     def stored(cls, files: Mapping[str, Any]) -> Surface:
         """Make it of the arrays of ``shape.npz``, lengths in units of the size."""
-        integers = {name: files[name].astype(np.int64) for name in ("faces", "element", "region", "zone")}
+        there = ("faces", "element", "region", "zone", *(name for name in ("segments", "segment_zone") if name in files))
+        integers = {name: files[name].astype(np.int64) for name in there}
         floats = ("nodes", "poisson_ratio", "direction", "sensor_points", "sensor_directions")
         return cls(**integers, **{name: files[name].astype(float) for name in floats})
 
@@ -93,8 +104,9 @@ class Shape:
         ):
             msg = "its nodes do not fit the states"
             raise ValueError(msg)
-        if faces.ndim != 2 or faces.shape[1] != 4 or faces.max(initial=0) >= len(nodes) or faces[:, :3].min(initial=0) < 0:
-            msg = "its faces name nodes that it lacks"
+        last = max(faces.max(initial=0), self._surface.segments.max(initial=0))
+        if faces.ndim != 2 or faces.shape[1] != 4 or last >= len(nodes) or faces[:, :3].min(initial=0) < 0:
+            msg = "its faces or segments name nodes that it lacks"
             raise ValueError(msg)
 
     def surface(self, state: bytes) -> Surface:
@@ -133,7 +145,9 @@ class Shape:
         places = surface.nodes + self._ways(values)
         places[moving] += x[first : first + 3 * len(moving)].reshape(-1, 3)
         E, nu, S = values[files["youngs_modulus"]], surface.poisson_ratio, files["prestress"]
-        warm = files["thermal_expansion"] * _value(values, files["temperature"], 0.0)
+        none = np.full(len(E), -1)
+        rise = sum(_value(values, files.get(name, none), 0.0) for name in ("temperature", "zone_temperature"))
+        warm = files["thermal_expansion"] * rise
         along, across = ((S[:, a] - nu * S[:, 1 - a]) / E - warm for a in range(2))
         return places, np.column_stack([along, across, (1.0 + nu) * S[:, 2] / E])
 

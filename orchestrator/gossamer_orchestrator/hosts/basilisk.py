@@ -8,25 +8,77 @@ and torque [N m] of the membrane; ``h`` step [s].
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Mapping
+import logging
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from Basilisk.architecture import messaging, sysModel
-from Basilisk.simulation import extForceTorque
+from Basilisk.simulation import extForceTorque, linearSpringMassDamper
 from Basilisk.utilities import macros
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from ..errors import FmuError, SimulationError
 from ..fmi.clocks import start_instance
 from ..fmi.file import FmuFile
+from ..mounts import HELD, MOVING, of_point, too_light, with_edge
 from .debt import Array, Debt, turn
+
+logger = logging.getLogger(__name__)
 
 _MOTION = [f"{name}[{k}]" for name in ("frame_acceleration", "angular_velocity", "angular_acceleration") for k in (1, 2, 3)]
 _REACTION = [f"{name}[{k}]" for name in ("force", "torque") for k in (1, 2, 3)]
-_HELD = ["held_mass", *(f"held_first_moment[{k}]" for k in range(1, 4)), *(f"held_inertia[{k}]" for k in range(1, 7))]
+IDENTITY = np.eye(3)
 _LONGEST = 1e9  # [s], end of the run that the FMU is given: Basilisk decides when it ends
+
+
+def add_reduced(path: Path, vehicle: Any, place: ArrayLike = (0.0, 0.0, 0.0), axes: ArrayLike = IDENTITY) -> list[Any]:  # noqa: ANN401
+    """Put a reduced membrane on a spacecraft, as masses on springs: a linear effector of Basilisk for each mode.
+
+    Parameters
+    ----------
+    path : Path
+        ``reduced.npz`` of ``gossamer reduce``.
+    vehicle : Basilisk.simulation.spacecraft.Spacecraft
+        What carries it. What the modes leave of the membrane's mass is added to its hub, so set the hub's mass before; the
+        mass of what the supports hold is not in it.
+    place : array_like, shape (3,)
+        The membrane's own origin, in body axes [m].
+    axes : array_like, shape (3, 3)
+        Turns vectors from the membrane's axes to those of the body.
+
+    Returns
+    -------
+    list of Basilisk.simulation.linearSpringMassDamper.LinearSpringMassDamper
+        Add them to the task of the vehicle.
+    """
+    with np.load(path, allow_pickle=False) as file:
+        whole, springs = file["M"][:6, :6], [file[f"spring_{name}"] for name in ("mass", "place", "direction")]
+        rates = file["spring_stiffness"], file["spring_damping"]
+    A, at, (mass, places, directions) = np.asarray(axes, dtype=float), np.asarray(place, dtype=float), springs
+    s = whole[[5, 3, 4], [1, 2, 0]]  # first moment: rows are about axes, columns along them
+    rest = whole[0, 0] - mass.sum()
+    first = A @ (s - mass @ places)
+    J = A @ (whole[3:, 3:] - sum(m * of_point(r) for m, r in zip(mass, places, strict=True))) @ A.T
+    J = J + rest * of_point(at) + 2.0 * (at @ first) * np.eye(3) - np.outer(at, first) - np.outer(first, at)
+    six = [J[i, k] for i, k in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+    _add_mass(vehicle.hub, np.array([rest, *(first + rest * at), *six]))
+    found = []
+    for m, r, p, k, c in zip(mass, places, directions, *rates, strict=True):
+        one = linearSpringMassDamper.LinearSpringMassDamper()
+        one.massInit, one.k, one.c, one.rhoInit, one.rhoDotInit = float(m), float(k), float(c), 0.0, 0.0
+        one.r_PB_B, one.pHat_B = (at + A @ r).tolist(), (A @ p).tolist()
+        vehicle.addStateEffector(one)
+        found.append(one)
+    return found
+
+
+def _add_mass(hub: Any, numbers: Array) -> None:  # noqa: ANN401
+    """Add what is fixed to a hub: mass, first moment and inertia about its origin, as of ``HELD``."""
+    mass, centre, J = with_edge(hub.mHub, np.ravel(hub.r_BcB_B), np.array(hub.IHubPntBc_B), numbers)
+    hub.mHub, hub.r_BcB_B, hub.IHubPntBc_B = mass, centre.reshape(3, 1).tolist(), J.tolist()
 
 
 class FramedMembrane(sysModel.SysModel):  # type: ignore[misc, unused-ignore]  # Basilisk has no types
@@ -65,7 +117,9 @@ class FramedMembrane(sysModel.SysModel):  # type: ignore[misc, unused-ignore]  #
         self.ModelTag = component or "membrane"
         self._vehicle, self._prefix = vehicle, f"{component}." if component else ""
         self._file = FmuFile(Path(path), validate=False)
-        missing = [name for name in (*_MOTION, *_REACTION, *_HELD) if self._prefix + name not in self._file.variables]
+        missing = [
+            name for name in (*_MOTION, *_REACTION, *HELD, *MOVING) if self._prefix + name not in self._file.variables
+        ]
         if missing:
             msg = (
                 f"{path} is no membrane on a frame: it has no variable {self._prefix + missing[0]!r}. Build "
@@ -136,26 +190,16 @@ class FramedMembrane(sysModel.SysModel):  # type: ignore[misc, unused-ignore]  #
         self._instance.close()
         self._file.close()
 
-    def _port(self, names: list[str]) -> Any:  # noqa: ANN401
+    def _port(self, names: Sequence[str]) -> Any:  # noqa: ANN401
         return self._instance.port([self._prefix + name for name in names])
 
     def _apply(self, W: Array) -> None:
         self.force.extForce_B, self.force.extTorquePntB_B = W[:3].tolist(), W[3:].tolist()
 
     def _add_edge(self) -> None:
-        """Add the mass of the membrane's edge to the hub."""
-        port, hub = self._port(_HELD), self._vehicle.hub
+        """Add the mass of the membrane's edge to the hub; warn where that is too light."""
+        port, hub = self._port([*HELD, *MOVING]), self._vehicle.hub
         self._instance.read(port)
-        held, S, (xx, yy, zz, xy, xz, yz) = port.values[0], port.values[1:4], port.values[4:]
-        J = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        own, c = hub.mHub, np.ravel(hub.r_BcB_B)
-        mass = own + held
-        centre = (own * c + S) / mass
-        about_origin = np.array(hub.IHubPntBc_B) + own * _point(c) + J
-        hub.mHub, hub.r_BcB_B = mass, centre.reshape(3, 1).tolist()
-        hub.IHubPntBc_B = (about_origin - mass * _point(centre)).tolist()
-
-
-def _point(c: Array) -> Array:
-    """Return the inertia of a unit mass at a place [m]."""
-    return np.asarray(c @ c * np.eye(3) - np.outer(c, c))
+        _add_mass(hub, port.values[:10])
+        if light := too_light(hub.mHub, np.ravel(hub.r_BcB_B), np.array(hub.IHubPntBc_B), port.values):
+            logger.warning("%s: %s. Or use the FMU hub in a group, as scenario light_hub does.", self.ModelTag, light)

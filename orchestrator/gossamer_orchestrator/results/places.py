@@ -141,16 +141,18 @@ def _coordinates(dim: str, what: str, places: Array) -> dict[str, Any]:
 
 
 def _zone_centres(surface: Surface) -> Array:
-    """Return the mean place of the faces of each zone by their area, shape (zones, 3) [m]; not a number without faces."""
+    """Return the mean place of each zone by area of faces or length of segments [m], shape (zones, 3); without, none."""
     ends = np.where(surface.faces < 0, surface.faces[:, [2]], surface.faces)  # the last one of a triangle twice
     corners = surface.nodes[ends]
     a, b, c, d = np.swapaxes(corners, 0, 1)
     halves = [np.linalg.norm(np.cross(one - a, other - a), axis=1) / 2.0 for one, other in ((b, c), (c, d))]
     centres = halves[0][:, None] * (a + b + c) / 3.0 + halves[1][:, None] * (a + c + d) / 3.0
-    zones = range(int(surface.zone.max(initial=-1)) + 1)
-    some = [surface.zone == zone for zone in zones]
+    start, end = np.swapaxes(surface.nodes[surface.segments], 0, 1)
+    lengths = np.linalg.norm(end - start, axis=1)
+    sizes, zone = np.concatenate([halves[0] + halves[1], lengths]), np.concatenate([surface.zone, surface.segment_zone])
+    centres = np.concatenate([centres, lengths[:, None] * (start + end) / 2.0])
     with np.errstate(invalid="ignore"):
-        found = [centres[each].sum(axis=0) / (halves[0] + halves[1])[each].sum() for each in some]
+        found = [centres[zone == k].sum(axis=0) / sizes[zone == k].sum() for k in range(surface.zones)]
     return np.array(found).reshape(-1, 3)
 
 

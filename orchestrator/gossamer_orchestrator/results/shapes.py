@@ -116,6 +116,8 @@ _DIMS = {  # of what a surface holds, besides its name
     "direction": ("region", "axis"),
     "sensor_points": ("sensor", "axis"),
     "sensor_directions": ("sensor", "axis"),
+    "segments": ("segment", "end"),
+    "segment_zone": ("segment",),
 }
 _SHARED = {"axis": 3, "corner": 4}
 
@@ -161,14 +163,16 @@ def create_shapes(path: Path, surfaces: Mapping[str, Surface], time: float, fram
             file.createDimension(name, size)
         for name, surface in surfaces.items():
             sizes = {"node": len(surface.nodes), "face": len(surface.faces), "region": len(surface.poisson_ratio)}
-            sizes["sensor"] = len(surface.sensor_points)
+            sizes |= {"sensor": len(surface.sensor_points), "segment": len(surface.segments)}
+            if len(surface.segments) and "end" not in file.dimensions:
+                file.createDimension("end", 2)
             for dim, size in sizes.items():
                 if size:  # 0 would be unlimited
                     file.createDimension(f"{name}_{dim}", size)
             for what, dims in _DIMS.items():
                 values = getattr(surface, what)
                 if values.size:
-                    named = tuple(dim if dim in _SHARED else f"{name}_{dim}" for dim in dims)
+                    named = tuple(f"{name}_{dim}" if dim in sizes else dim for dim in dims)
                     file.createVariable(f"{name}.{what}", "i4" if values.dtype.kind == "i" else "f8", named)[:] = values
         file.createVariable("time", "f8", ("time",))[0] = time
         file.variables["time"].units = "s"
@@ -245,6 +249,7 @@ def load_shapes(results: Path) -> dict[str, ShapeHistory]:
 
 
 def _history(arrays: Mapping[str, Any], name: str) -> ShapeHistory:
-    empty = np.zeros((0, 3))
-    surface = Surface(**{field.name: arrays.get(f"{name}.{field.name}", empty) for field in fields(Surface)})
+    empty = {"sensor_points": np.zeros((0, 3)), "sensor_directions": np.zeros((0, 3))}
+    known = {field.name: arrays[f"{name}.{field.name}"] for field in fields(Surface) if f"{name}.{field.name}" in arrays}
+    surface = Surface(**empty | known)
     return ShapeHistory(surface, arrays["time"], arrays[f"{name}.shape"], arrays[f"{name}.eigenstrain"])

@@ -79,17 +79,24 @@ def write_surface(
     except ModuleNotFoundError:
         msg = "files for ParaView need meshio, which is not installed. Install it with 'pip install meshio'."
         raise ResultsError(msg) from None
-    of_faces = {"zone": surface.zone + 1, "region": surface.region + 1, "element": surface.element + 1} | dict(of_faces)
-    triangle = surface.faces[:, 3] < 0
+    known = {"zone": np.append(surface.zone, surface.segment_zone) + 1, "region": surface.region + 1} | dict(of_faces)
+    known["element"] = surface.element + 1
+    triangle, line = surface.faces[:, 3] < 0, np.full(len(surface.segments), True)
     blocks = [("quad", ~triangle, 4), ("triangle", triangle, 3)]
-    mesh = meshio.Mesh(
-        places,
-        [(kind, surface.faces[some, :corners]) for kind, some, corners in blocks if some.any()],
-        point_data=dict(of_nodes),
-        cell_data={what: [values[some] for _, some, _ in blocks if some.any()] for what, values in of_faces.items()},
-    )
+    cells = [(kind, surface.faces[some, :corners]) for kind, some, corners in blocks if some.any()]
+    data = {what: [values[: len(triangle)][some] for _, some, _ in blocks if some.any()] for what, values in known.items()}
+    if line.any():
+        cells.append(("line", surface.segments))
+        for what, values in known.items():
+            data[what].append(_of_segments(values[len(triangle) :], len(line), values.dtype))
+    mesh = meshio.Mesh(places, cells, point_data=dict(of_nodes), cell_data=data)
     with writing(path, ResultsError), replacing(path) as new:
         mesh.write(new, file_format="vtu")
+
+
+def _of_segments(values: NDArray[Any], count: int, kind: np.dtype[Any]) -> NDArray[Any]:
+    """Return values of segments; where there are none, 0, or of floats not a number."""
+    return values if len(values) else np.full(count, np.nan if kind.kind == "f" else 0, dtype=kind)
 
 
 def _write_instant(path: Path, data: xr.Dataset, name: str, history: ShapeHistory, k: int) -> None:
@@ -101,8 +108,9 @@ def _write_instant(path: Path, data: xr.Dataset, name: str, history: ShapeHistor
 
 
 def _on_faces(surface: Surface, values: Array) -> Array:
-    """Spread values of the zones over the faces; not a number where no zone is, or none of that number."""
-    return np.append(values, np.nan)[np.where(surface.zone < len(values), surface.zone, -1)]
+    """Spread values of the zones over faces, then segments; not a number where no zone is, or none of that number."""
+    zone = np.append(surface.zone, surface.segment_zone)
+    return np.append(values, np.nan)[np.where(zone < len(values), zone, -1)]
 
 
 def _damages(data: xr.Dataset, membrane: str, time: float) -> Iterator[tuple[str, Array]]:

@@ -16,6 +16,7 @@ from typing import Protocol
 
 from ..fmi.clocks import start_instance
 from ..fmi.instance import Instance
+from ..mounts import HELD, HUB, MOVING, matrix, too_light, with_edge
 from ..scenario.plan import Plan
 from ..words import first_few
 from . import position as at
@@ -290,6 +291,7 @@ class Simulation:
                 member.read(full=True)
                 self.store.arrive()
             done.update(names)
+        self._check_mounts()
         position[COMPONENT] = -1
 
     def _make_stages(self) -> None:
@@ -332,6 +334,22 @@ class Simulation:
             few = first_few([f"{v} = {value!r} in place of {stated[v]!r}" for v, value in differing.items()])
             text = "component %r does not keep what the scenario states: %s. It computes with its own; check it with %s"
             logger.warning(text, member.name, few, "'gossamer verify'")
+
+    def _check_mounts(self) -> None:
+        """Warn of bodies that are too light for the membrane whose extrapolated force they take."""
+        for c in self.plan.connections:
+            both = {c.sender: (*HELD, *MOVING), c.receiver: HUB}
+            there = {name: set(self.plan.component(name).fmu.variables) for name in both}
+            if c.input != "force[1]" or any(set(both[name]) - there[name] for name in both):
+                continue
+            ports = [self.member(name).call().port(names) for name, names in both.items()]
+            for name, port in zip(both, ports, strict=True):
+                self.member(name).call().read(port)
+            membrane, hub = (port.values for port in ports)
+            body = with_edge(hub[0], hub[1:4], matrix(hub[4:10]), membrane[:10])
+            if hub[10] and (light := too_light(*body, membrane)):
+                text = "component %r: %s. Or put it and %r in a group with extrapolation = 0, as scenario light_hub does."
+                logger.warning(text, c.sender, light, c.receiver)
 
     def read(self, *names: str) -> None:
         """Read all variables at the present communication point, of the components named or of all."""

@@ -6,8 +6,12 @@ import gossamer
 import numpy as np
 import pytest
 import xarray as xr
+from building import build_fmu
 from command_line import invoke
+from gossamer_models.membrane import Linearised, membrane_model
+from gossamer_orchestrator import parse_scenario, run_scenario
 from reading_pages import content_of, read_page
+from sails import sail
 
 
 def call(*arguments):
@@ -39,6 +43,19 @@ def test_a_setup_gets_shapes_for_paraview(tmp_path):
     assert [name.split(",")[0] for name in shapes] == ["mode 1", "mode 2", "mode 3"]
     np.testing.assert_allclose(list(shapes.values()), found.data["shape"])
     assert "Hz" in repr(found)
+
+
+def test_the_membrane_of_a_run_has_the_modes_of_its_structure_as_the_scenario_starts_it(tmp_path):
+    """Its tension and a damage are those of the scenario; what is set on the command line comes last."""
+    structure = sail(law="relaxed")
+    build_fmu(membrane_model(structure), tmp_path)
+    stated = '"youngs_modulus[2]" = 3e7', 'pressure = 0.0, pull = 0.5, "temperature[*]" = 0.0, "base_acceleration[*]" = 0.0'
+    text = f'[components.sail]\nfmu = "membrane"\nparameters = {{ {stated[0]} }}\n'
+    text = f'step = 1e-3\nstop = 2e-3\n{text}inputs = {{ {stated[1]}, "damage[1]" = 0.2 }}\n'
+    run_scenario(parse_scenario(text, name="sail.toml"), tmp_path, tmp_path / "run")
+    found = gossamer.modes(tmp_path / "run", count=3, set={"damage[1]": 0.3}, out=tmp_path / "modes")
+    own = Linearised(structure, {"youngs_modulus[2]": 3e7, "pull": 0.5, "damage[1]": 0.3}).modes(3)
+    np.testing.assert_allclose(found.data["frequency"], own.frequencies, rtol=1e-9)
 
 
 def test_wrong_names_and_too_many_modes_are_refused(tmp_path):

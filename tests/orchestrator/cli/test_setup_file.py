@@ -127,6 +127,7 @@ def test_a_cable_and_a_mass_are_read_and_their_mistakes_are_named_with_their_lin
     assert structure.mass.sum() == pytest.approx(1.1 + 0.1 + 1500.0 * 1e-6 / (1.0 + 5.0 / 1e3))
     for old, new, text in (
         ("tension = 5.0", "tension = -5.0", r"s.toml:28: 'tension' is -5 N, and a cable carries tension alone"),
+        ('name = "rope"', 'name = "rim"', r"s.toml:\d+: .*has a group 'rim', and the line 'rim' makes one of that name"),
         ("[0.5, 0.5, 0.0]", '"tip"', r"s.toml:24: .*no group 'tip' of nodes"),
         ('"rope_end"\nmass', '"rope_ent"\nmass', r"s.toml:31: .*no group 'rope_ent' of nodes. Did you mean 'rope_end'"),
     ):

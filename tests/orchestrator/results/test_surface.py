@@ -9,11 +9,20 @@ import numpy as np
 import pytest
 from command_line import invoke
 from gossamer_models import Stepper
-from gossamer_models.membrane import membrane_model, square_structure
+from gossamer_models.membrane import Cable, Support, membrane_model, square_structure
 from gossamer_orchestrator import ResultsError
 from gossamer_orchestrator.fmi.shape import Shape, Surface
+from gossamer_orchestrator.results.places import _zone_centres
 from gossamer_orchestrator.results.report.membrane import surface_content
-from gossamer_orchestrator.results.shapes import SLACK, TAUT, WRINKLED, ShapeHistory, create_shapes, face_strains
+from gossamer_orchestrator.results.shapes import (
+    SLACK,
+    TAUT,
+    WRINKLED,
+    ShapeHistory,
+    create_shapes,
+    face_strains,
+    load_shapes,
+)
 from gossamer_orchestrator.results.vtk import export_vtk
 from reading_pages import Reader, content_of, numbers
 from sails import sail_file, sail_model
@@ -174,6 +183,34 @@ def test_paraview_files_hold_places_damage_and_strain(known, tmp_path):
     assert cells["largest_strain"] == pytest.approx(strains.largest, abs=1e-15)
     assert (cells["wrinkle"] == strains.mark).all()
     assert np.isnan(first.cell_data["estimated_damage"][0]).all()  # nothing is judged yet
+
+
+def test_cables_are_drawn_on_the_page_in_paraview_and_have_a_place_as_zones(known, tmp_path):
+    """A cable of two segments above the tip of the sail, which is the second zone."""
+    meshio = pytest.importorskip("meshio", reason="files for ParaView need meshio")
+    rope = {"youngs_modulus": 1e9, "area": 1e-6, "density": 1e3, "tension": 1.0}
+    cable = Cable(name="guy", path=("tip", (2.0, 1.0, 0.9)), parts=2, zone=True, **rope)
+    model = sail_model(cables=(cable,), held=(Support(group="guy_end"),))
+    stepper, shape = Stepper(model), shape_of(model)
+    stepper.initialize()
+    drawn = shape.surface(stepper.state)
+    places, eigenstrain = shape.read(stepper.state)
+    pair = (places, eigenstrain)
+    file = create_shapes(tmp_path / "shapes.nc", {"membrane": drawn}, 0.0, {"membrane": pair})
+    file.append(np.concatenate([[9.0], *(part.ravel() for part in pair)])[None])
+    history = load_shapes(tmp_path)["membrane"]
+    assert history.surface.segments.tolist() == drawn.segments.tolist() == [[14, 16], [16, 15]]
+    assert _zone_centres(history.surface)[1] == pytest.approx([2.0, 1.0, 0.5])
+    content = surface_content(history, np.arange(2))
+    assert content["borders"][1] == content["segments"].tolist() == [14, 16, 16, 15]
+    assert content["labels"][1] == 16
+    (path,) = export_vtk(known.drop_vars("membrane.w"), {"membrane": history}, tmp_path)
+    mesh = meshio.read(path.with_name("membrane_0001.vtu"))
+    lines = [block.type for block in mesh.cells].index("line")
+    assert mesh.cells[lines].data.tolist() == [[14, 16], [16, 15]]
+    assert mesh.cell_data["zone"][lines].tolist() == [2, 2]
+    assert mesh.cell_data["true_damage"][lines] == pytest.approx([0.3, 0.3])
+    assert np.isnan(mesh.cell_data["largest_strain"][lines]).all()
 
 
 def test_a_mesh_of_both_kinds_is_read_back(known, tmp_path):

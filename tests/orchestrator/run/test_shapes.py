@@ -11,8 +11,9 @@ import pytest
 import xarray as xr
 from building import build_fmu
 from gossamer_models import StepModel, Stepper
+from gossamer_models.membrane import Load
 from gossamer_models.variables import input_, output
-from gossamer_orchestrator import FmuFile, Simulation, make_plan, parse_scenario, run_scenario
+from gossamer_orchestrator import FmuFile, Simulation, load_scenario, make_plan, parse_scenario, run_scenario
 from gossamer_orchestrator.fmi.clocks import start_instance
 from gossamer_orchestrator.fmi.shape import read_shape
 from gossamer_orchestrator.results.shapes import SHAPES, UNFINISHED_SHAPES, load_shapes
@@ -66,6 +67,46 @@ def test_recorded_shapes_are_those_of_the_exposed_nodes(sails, tmp_path):
     with xr.open_dataset(tmp_path / SHAPES, engine="scipy") as file:
         assert file["sail.shape"].dims == ("time", "sail_node", "axis")
     assert not (tmp_path / UNFINISHED_SHAPES).exists()
+
+
+def test_an_orbit_of_lights_eclipse_and_temperatures_from_a_file_moves_the_membrane(tmp_path):
+    """As the model does with the same histories; what is drawn knows the temperature of the zone, too."""
+    lights = (
+        Load(name="sun", kind="light", start=5.0, reflectivity=0.8, diffuse=0.1, direction=(0.0, 0.6, 0.8)),
+        Load(name="albedo", kind="light", groups=("right",), direction=(0.0, 0.0, -1.0)),
+    )
+    model = sail_model(loads=lights)
+    build_fmu(model, tmp_path)
+    rows = range(11)
+    histories = {
+        "sun": [5.0 + k for k in rows],
+        "sun_eclipse": [min(0.25 * k, 1.0) for k in rows],
+        "sun_direction[1]": [0.1 * k for k in rows],
+        "albedo": [2.0 - 0.1 * k for k in rows],
+        "temperature[1]": [-3.0 * k for k in rows],
+        "zone_temperature[1]": [2.0 * k for k in rows],
+    }
+    table = np.column_stack([1e-3 * np.arange(11), *histories.values()])
+    np.savetxt(tmp_path / "orbit.csv", table, delimiter=",", header=",".join(["time", *histories]), comments="")
+    feeds = "".join(f'[[inputs]]\nto = "sail.{name}"\nfile = "orbit.csv"\ncolumn = "{name}"\n' for name in histories)
+    rest = 'pull = 0.5, "base_acceleration[*]" = 0.0, "damage[1]" = 0.2, "temperature[2]" = 0.0, "sun_direction[2]" = 0.6'
+    sail = f'fmu = "membrane"\ninputs = {{ {rest}, "sun_direction[3]" = 0.8, "albedo_direction[*]" = -1.0 }}\n'
+    (tmp_path / "orbit.toml").write_text(f"step = 1e-3\nstop = 0.01\n[components.sail]\n{sail}{feeds}")
+    data = run_scenario(load_scenario(tmp_path / "orbit.toml"), tmp_path, tmp_path / "out")
+
+    alone = Stepper(model)
+    for name, value in {"pull": 0.5, "damage[1]": 0.2, "albedo_direction[1]": -1.0, "albedo_direction[2]": -1.0}.items():
+        alone.set(name, value)
+    for k in rows:
+        for name, values in histories.items():
+            alone.set(name, values[k])
+        if k == 0:
+            alone.initialize()
+        else:
+            assert data["sail.strain"].to_numpy()[k].item() == pytest.approx(alone.get("strain[1]"), abs=1e-15)
+        alone.step(1e-3)
+    found = load_shapes(tmp_path / "out")["sail"].eigenstrain
+    assert found[-1] - found[0] == pytest.approx(np.array([[9e-4, 9e-4, 0.0], [0.0, 0.0, 0.0]]), abs=1e-15)
 
 
 def test_every_keeps_the_instants_among_those_of_the_results(sails, tmp_path):

@@ -117,14 +117,14 @@ def surface_content(history: ShapeHistory, shown: Integers) -> dict[str, Any]:
     dict
         ``places`` (F, 3 N) [m], moved by ``factor`` times their displacement; ``triangles`` (T, 3) and ``face``, the face of
         each; ``zone`` of each face, -1 for none; ``borders``, for each zone the nodes of its edge in pairs, the last of
-        all; ``labels``, the node of each zone beside its number, and ``label_offsets`` from it; ``sensors``, the node beside
-        each, and ``offsets`` from it.
+        all faces; ``segments``, nodes of cables and beams in pairs; ``labels``, the node of each zone beside its number, and
+        ``label_offsets`` from it; ``sensors``, the node beside each, and ``offsets`` from it.
     """
     surface, nodes = history.surface, history.surface.nodes
     away = history.places[shown] - nodes
     factor = _factor(float(np.linalg.norm(away, axis=2).max()), float(np.ptp(nodes, axis=0).max()))
     triangles, face = _triangles(surface)
-    zones = int(surface.zone.max(initial=-1)) + 1
+    zones = surface.zones
     labels = [_label(surface, zone) for zone in range(zones)]
     beside = [int(np.argmin(np.linalg.norm(nodes - point, axis=1))) for point in surface.sensor_points]
     return {
@@ -133,7 +133,8 @@ def surface_content(history: ShapeHistory, shown: Integers) -> dict[str, Any]:
         "triangles": triangles,
         "face": face,
         "zone": surface.zone,
-        "borders": [_border(surface.faces[some]) for some in [*(surface.zone == z for z in range(zones)), slice(None)]],
+        "borders": [*(_outline(surface, zone) for zone in range(zones)), _border(surface.faces)],
+        "segments": surface.segments.ravel(),
         "labels": [node for node, _ in labels],
         "label_offsets": [offset.tolist() for _, offset in labels],
         "sensors": beside,
@@ -145,7 +146,7 @@ def _colours(
     run: Recorded, judged: DamageHistory, history: ShapeHistory, found: list[FaceStrains], *, flat: bool
 ) -> list[dict[str, Any]]:
     """Return what the membrane may be coloured by: values of nodes, faces or zones at each instant, with their scale."""
-    zones = int(history.surface.zone.max(initial=-1)) + 1
+    zones = history.surface.zones
     size = np.linalg.norm(history.places[run.instants[1]] - history.surface.nodes, axis=2)
     colours: list[dict[str, Any]] = []
     if not flat:
@@ -314,12 +315,17 @@ def _border(faces: Integers) -> list[int]:
     return pairs
 
 
+def _outline(surface: Surface, zone: int) -> list[int]:
+    """Return the nodes of the edge of a zone in pairs, or those of its segments."""
+    return [*_border(surface.faces[surface.zone == zone]), *surface.segments[surface.segment_zone == zone].ravel().tolist()]
+
+
 def _label(surface: Surface, zone: int) -> tuple[int, Array]:
-    """Return the node in the middle of a zone, -1 if the zone has no faces, and how far from it its number is [m].
+    """Return the node in the middle of a zone, -1 if there is nothing of it, and how far from it its number is [m].
 
     The number is moved away from a sensor that is near, but no farther than the zone reaches.
     """
-    some = surface.faces[surface.zone == zone]
+    some = np.append(surface.faces[surface.zone == zone].ravel(), surface.segments[surface.segment_zone == zone].ravel())
     if not len(some):
         return -1, np.zeros(3)
     members = np.unique(some[some >= 0])

@@ -76,7 +76,7 @@ function addSurface(chart) {
     return { cmin: colour.ends[0], cmax: colour.ends[1], colorscale: valid ? painted(colour.scale || "Viridis", colors) : colors.unsure, colorbar: colorbarOf(bar) };
   };
   const parts = (instant) => [skin(instant), lines(instant, mesh.borders.flat()), outlines(instant, "estimated damage"), outlines(instant, "true damage"),
-    sensors(instant), points(zones.map(({ node, offset }) => above(instant, node, 0.03, offset))), wrinkles(instant)];
+    sensors(instant), points(zones.map(({ node, offset }) => above(instant, node, 0.03, offset))), wrinkles(instant), lines(instant, Array.from(mesh.segments))];
   const span = [0, 1, 2].map((axis) => {
     let low = Infinity, high = -Infinity;
     for (const row of mesh.places) for (let k = axis; k < row.length; k += 3) { low = Math.min(low, row[k]); high = Math.max(high, row[k]); }
@@ -87,7 +87,7 @@ function addSurface(chart) {
   const figure = addFigure({
     title: chart.title, note: chart.note, label: chart.text, tall: chart.tall, broad: chart.broad, slow: true, control: select,
     make(colors) {
-      const [surface, grid, estimated, real, dots, numbers, crosses] = parts(page.instant);
+      const [surface, grid, estimated, real, dots, numbers, crosses, ropes] = parts(page.instant);
       const line = (found, more, name) => ({ type: "scatter3d", mode: "lines", ...found, line: more, name, hoverinfo: "skip", showlegend: Boolean(colourNamed(name)) });
       const named = (trace, name) => ({ ...trace, name });
       const data = [
@@ -98,7 +98,8 @@ function addSurface(chart) {
         named(line(real, { color: colors.dark ? "#ffffff" : "#000000", width: 4, dash: "dash" }, "true damage"), "truly damaged"),
         { ...numbered("circle", 7, "#CC79A7", "#000000"), ...dots, name: "sensors", hoverinfo: "text", text: mesh.sensors.map((_, k) => `${k + 1}`), showlegend: mesh.sensors.length > 0 },
         { ...numbered("square", 6, colors.panel, colors.ink), ...numbers, hoverinfo: "text", showlegend: false, text: zones.map(({ text }) => text), hovertext: zones.map(({ name }) => name) },
-        { type: "scatter3d", mode: "markers", ...crosses, name: "wrinkled or slack", hoverinfo: "skip", showlegend: Boolean(mesh.marked), marker: { symbol: "x", size: 3, color: colors.ink } }];
+        { type: "scatter3d", mode: "markers", ...crosses, name: "wrinkled or slack", hoverinfo: "skip", showlegend: Boolean(mesh.marked), marker: { symbol: "x", size: 3, color: colors.ink } },
+        { ...line(ropes, { color: "#0072B2", width: 5 }, "cables and beams"), showlegend: mesh.segments.length > 0 }];
       const one = (axis, name) => ({ ...placeIn3d(colors), title: { text: `${name} [${mesh.unit}]`, font: { size: 12 } }, range: range(axis), nticks: isNarrow() || range(axis)[1] - range(axis)[0] < 0.4 * size ? 3 : 5 });
       const [x, y, z] = [0, 1, 2].map((axis) => { const [low, high] = range(axis); return 1.5 * (high - low) / size; });
       const camera = isNarrow() ? { eye: { x: -1.2, y: -2.7, z: 2 }, center: { x: -0.15, y: 0, z: -0.2 } } : { eye: { x: -1.05, y: -2, z: 1.55 }, center: { x: -0.1, y: 0, z: -0.25 } };
@@ -106,7 +107,7 @@ function addSurface(chart) {
       return { data, more: { scene, margin: { l: 0, r: 0, t: 0, b: 0 }, legend: { orientation: "h", y: 0, x: 0 } } };
     },
     move(div, instant) {
-      const found = parts(instant), same = Array(6).fill(undefined), { colorscale, colorbar } = look(theme(), instant);
+      const found = parts(instant), same = Array(7).fill(undefined), { colorscale, colorbar } = look(theme(), instant);
       Plotly.restyle(div, {
         x: found.map((f) => f.x), y: found.map((f) => f.y), z: found.map((f) => f.z), hovertext: found.map((f) => f.hovertext),
         intensity: [found[0].intensity, ...same], colorscale: [colorscale, ...same], ...(colorbar.title ? { "colorbar.title.text": [colorbar.title.text, ...same] } : {}),
