@@ -33,7 +33,7 @@ _JUDGEMENTS = {"saturated": 0.0, "valid": 1.0}  # results that say whether a mod
 
 
 def flight_files(
-    model: StepModel, name: str, vectors: tuple[Vector, Vector], golden: Vector, bits: FloatBits = 64
+    model: StepModel, name: str, vectors: tuple[Vector, Vector], golden: Vector, bits: FloatBits = 64, period: float = PERIOD
 ) -> dict[str, bytes]:
     """Return the files of a component by name.
 
@@ -49,6 +49,8 @@ def flight_files(
         Results of the model for them.
     bits : {32, 64}
         Of its numbers.
+    period : float
+        Of the golden vectors [s].
 
     Raises
     ------
@@ -66,7 +68,7 @@ def flight_files(
     files["component.h"] = _header(model, sizes, bits)
     files["component_math.h"] = code
     files["component_table.h"] = _table(model, lists, bits, limit)
-    files["golden.h"] = _golden(model, vectors, golden, bits)
+    files["golden.h"] = _golden(model, vectors, golden, bits, period)
     files["INTERFACE.md"] = _interface(model, bits)
     names = (("component", name), ("COMPONENT", name.upper()))
 
@@ -100,23 +102,31 @@ def golden_vectors(model: StepModel, sensor: StepModel | None) -> tuple[tuple[Ve
         columns = {each: 0.1 * (strain + 0.1 * np.sin(0.7 * k + i) + 0.1) for i, each in enumerate(names)}
         stepper.set("window_length", 96 * PERIOD)
         stepper.set("repeat", 1.0)
-    parameters, inputs, results = model.slices()
+    inputs = model.slices()[1]
     table = np.array([[v.start or 0.0 for v in model.variables[inputs]]] * k.size)
     for name, column in columns.items():
         table[:, model.names.index(name) - inputs.start] = column
+    return vectors_of(stepper, table)
+
+
+def vectors_of(stepper: Stepper, table: Vector, period: float = PERIOD) -> tuple[tuple[Vector, Vector], Vector]:
+    """Return the parameters of a stepper and inputs, shape (steps + 1, n_inputs), and the results of its model."""
+    model = stepper.model
+    parameters, inputs, results = model.slices()
     given = {v.name: table[:, i] for i, v in enumerate(model.variables[inputs])}
-    rows = np.array(list(_driven(stepper, model.names[results], given)))
-    start = np.array([stepper.get(name) for name in model.names[parameters]])
-    return (start, table), rows
+    rows = np.array(list(_driven(stepper, model.names[results], given, period)))
+    return (np.array([stepper.get(name) for name in model.names[parameters]]), table), rows
 
 
-def _driven(stepper: Stepper, read: str | Sequence[str], given: dict[str, Vector]) -> Iterator[float | list[float]]:
+def _driven(
+    stepper: Stepper, read: str | Sequence[str], given: dict[str, Vector], period: float = PERIOD
+) -> Iterator[float | list[float]]:
     """Run a model over columns of inputs; yield one result or several at each sample."""
-    for k in range(GOLDEN_STEPS + 1):
+    for k in range(len(next(iter(given.values())))):
         for name, column in given.items():
             stepper.set(name, float(column[k]))
         if k:
-            stepper.step(PERIOD)
+            stepper.step(period)
         else:
             stepper.initialize()
         yield stepper.get(read) if isinstance(read, str) else [stepper.get(name) for name in read]
@@ -352,7 +362,7 @@ def _crc_tables() -> list[list[int]]:
     return rows
 
 
-def _golden(model: StepModel, vectors: tuple[Vector, Vector], golden: Vector, bits: FloatBits) -> str:
+def _golden(model: StepModel, vectors: tuple[Vector, Vector], golden: Vector, bits: FloatBits, period: float) -> str:
     """Write golden vectors; hexadecimal, so that no digit is lost."""
 
     def row(values: Vector) -> str:
@@ -363,7 +373,7 @@ def _golden(model: StepModel, vectors: tuple[Vector, Vector], golden: Vector, bi
     lines = [
         "/* Golden vectors: what the model gives in double precision. */",
         f"#define GOLDEN_STEPS {len(inputs) - 1}",
-        f"#define GOLDEN_PERIOD {PERIOD!r}",
+        f"#define GOLDEN_PERIOD {period!r}",
         f"#define GOLDEN_TOLERANCE {TOLERANCES[bits]!r}",
         "static const char *const GOLDEN_NAMES[] = {" + ", ".join(f'"{name}"' for name in names) + "};",
         "static const double GOLDEN_PARAMETERS[] = " + row(parameters)[:-1] + ";",

@@ -5,13 +5,21 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from gossamer_files.inputs import check_outputs
+from gossamer_files.options import option
 from gossamer_files.tables import TableText
+from gossamer_orchestrator.errors import require
 
-from .arguments import File, Folder, Scales, command
+from .arguments import AnyPath, File, Folder, NotNegative, Scales, command
 from .results import Saved
+
+if TYPE_CHECKING:
+    from gossamer_models import StepModel
+    from gossamer_models.arrays import Vector
+
+DEFAULT_NOISE = 1e-3  # of strain [1]
 
 _ROWS = (  # key, words, unit
     ("text", "code", "byte"),
@@ -67,11 +75,13 @@ class FlightCode(Saved):
 
 @command
 def flight(
-    kind: Literal["compensator", "estimator", "filter", "detector"],
+    kind: Literal["compensator", "estimator", "filter", "detector", "watch"],
     *,
     out: Folder = "out/flight",
     artifact: File | None = None,
     scales: Scales | None = None,
+    setup: File | None = None,
+    noise: NotNegative | None = None,
     float: Literal[64, 32] = 64,
     measure: bool = False,
 ) -> FlightCode:
@@ -84,7 +94,7 @@ def flight(
     ----------
     kind
         What to write: compensator (the exact inverse, or the direct one of an artifact that has it), estimator, filter,
-        detector.
+        detector; or watch, which raises an alarm where readings leave stored healthy responses to a load that repeats.
     out
         Folder to write it to.
     artifact
@@ -92,6 +102,10 @@ def flight(
     scales
         Of the identified sensor, in place of its own: resistance at rest [ohm], its rise to full scale [ohm] and full scale
         [1].
+    setup
+        Of the membrane that a watch is for, with its built-in pressure; the square of the thesis by default.
+    noise
+        Standard deviation of the strain that a watch reads [1]; 0.001 by default.
     float
         Bits of its numbers.
     measure
@@ -112,18 +126,25 @@ def flight(
         gossamer flight compensator
 
         gossamer flight estimator --artifact out/mine/sensor.json --out out/flight --measure
+        gossamer flight watch --setup sail.toml --noise 0.0005
     """
     from gossamer_fmus.catalogue import make_model
-    from gossamer_fmus.flight import flight_files, golden_vectors
+    from gossamer_fmus.flight import PERIOD, flight_files, golden_vectors
     from gossamer_fmus.flight_budgets import budgets, require_tools
 
     if measure:
         require_tools()
     folder = Path(out)
     given: dict[str, Any] = {"artifact": None if artifact is None else Path(artifact), "scales": scales}
-    model = make_model(kind, **given)
-    vectors, golden = golden_vectors(model, None if kind == "detector" else make_model("sensor", **given))
-    files = flight_files(model, kind, vectors, golden, float)
+    of_watch, others = {"setup": setup, "noise": noise}, {"artifact": artifact, "scales": scales}
+    for name, value in (others if kind == "watch" else of_watch).items():
+        require(value is None, f"{option(name)} has no meaning for a {kind}. Leave it out.")
+    if kind == "watch":
+        model, vectors, golden, period = _watch(setup, DEFAULT_NOISE if noise is None else noise)
+    else:
+        model, period = make_model(kind, **given), PERIOD
+        vectors, golden = golden_vectors(model, None if kind == "detector" else make_model("sensor", **given))
+    files = flight_files(model, kind, vectors, golden, float, period)
     check_outputs(folder / name for name in files)
     folder.mkdir(parents=True, exist_ok=True)
     for name, content in files.items():
@@ -133,3 +154,18 @@ def flight(
     if measured:
         (folder / "budgets.json").write_text(json.dumps(measured, indent=1), encoding="utf-8")
     return FlightCode(files=[folder], kind=kind, bits=float, budgets=measured)
+
+
+def _watch(setup: AnyPath | None, noise: float) -> tuple[StepModel, tuple[Vector, Vector], Vector, float]:
+    """Return the watch of a membrane with its golden vectors and their period [s]."""
+    from gossamer_fmus.flight import vectors_of
+    from gossamer_models import Stepper
+    from gossamer_models.twin.on_board import example_strain, stored_responses, watch_model
+
+    from .descriptions import load_structure
+
+    stored = stored_responses(None if setup is None else load_structure(setup))
+    model = watch_model(stored, noise)
+    stepper = Stepper(model)
+    stepper.warn = lambda _: None
+    return model, *vectors_of(stepper, example_strain(stored, noise).T, stored.step), stored.step

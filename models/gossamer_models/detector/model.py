@@ -15,7 +15,7 @@ from typing import Generic, NamedTuple, TypeVar
 import casadi as ca
 
 from ..step_model import StepModel
-from ..variables import Results, Values, Variable, input_, output, pack, parameter, results_of, unpack
+from ..variables import Results, Values, Variable, fraction, input_, pack, parameter, positive, results_of, unpack
 from .artifact import DetectorArtifact, TrainedWindows
 from .features import BLOCK, PACKETS, Register, block_energies
 from .networks import Defuzzification, defuzzify, similarity
@@ -28,8 +28,6 @@ LEAST_SIMILARITY = 0.5  # of a valid estimate; single damage between the referen
 Memory = TypeVar("Memory")
 Outputs = TypeVar("Outputs")
 Window = TypeVar("Window")
-positive = partial(output, unit="1", minimum=0.0, discrete=True)
-fraction = partial(positive, maximum=1.0)
 
 
 class Sample(NamedTuple):
