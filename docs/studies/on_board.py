@@ -82,7 +82,7 @@ def count_alarms(streams: int) -> str:
     windows = Windows(stored, np.full(len(stored.healthy), 1e-3), 1e-5)
     like = windows.start()
     x, g, kind = ca.MX.sym("x", pack(like).numel()), ca.MX.sym("g", windows.q + windows.z), ca.MX.sym("kind")
-    judge = ca.Function("judge", [x, g, kind], [pack(windows.judge(unpack(like, x), g, ca.MX(0.0), kind))]).expand()
+    judge = ca.Function("judge", [x, g, kind], [pack(windows.judge(unpack(like, x), g, ca.MX(0.0), kind))])
     judge = judge.map(streams)
     roots = []
     for e, V in map(np.linalg.eigh, windows.information):

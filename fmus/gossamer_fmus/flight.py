@@ -27,7 +27,8 @@ from gossamer_models.arrays import Vector
 
 from .flight_mathematics import FloatBits, mathematics
 
-GOLDEN_STEPS, PERIOD = 240, 3e-4  # samples of the golden vectors, [s]
+GOLDEN_STEPS, OF_DETECTOR = 240, 1300  # samples of the golden vectors; a window and the slices that judge it
+PERIOD = 3e-4  # [s]
 TOLERANCES = {64: 1e-12, 32: 1e-2}  # of golden vectors, over the largest value of each result
 _JUDGEMENTS = {"saturated": 0.0, "valid": 1.0}  # results that say whether a model explains its inputs, and when it does
 
@@ -88,7 +89,7 @@ def golden_vectors(model: StepModel, sensor: StepModel | None) -> tuple[tuple[Ve
     sensor : StepModel or None
         The sensor whose resistance it reads; None if it reads strain.
     """
-    k = np.arange(GOLDEN_STEPS + 1)
+    k = np.arange((OF_DETECTOR if sensor is None else GOLDEN_STEPS) + 1)
     ramp = np.interp(k, [0, 80, 110, 190, GOLDEN_STEPS], [0.04, 0.60, 0.60, 0.24, 0.24])
     strain = ramp + 0.02 * np.sin(2.0 * np.pi * 20.0 * PERIOD * k)  # over full scale
     stepper = Stepper(model)
@@ -100,7 +101,6 @@ def golden_vectors(model: StepModel, sensor: StepModel | None) -> tuple[tuple[Ve
     else:
         names = [v.name for v in model.variables if v.causality == "input"]
         columns = {each: 0.1 * (strain + 0.1 * np.sin(0.7 * k + i) + 0.1) for i, each in enumerate(names)}
-        stepper.set("window_length", 96 * PERIOD)
         stepper.set("repeat", 1.0)
     inputs = model.slices()[1]
     table = np.array([[v.start or 0.0 for v in model.variables[inputs]]] * k.size)

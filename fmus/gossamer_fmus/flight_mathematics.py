@@ -67,6 +67,7 @@ def mathematics(model: StepModel, bits: FloatBits) -> tuple[str, str, dict[str, 
         code = _NUMBER.sub(lambda found: f"{_in_float(float(found[1]))!r}f", code)
     bodies = {found[2]: found[0] for found in _FUNCTION.finditer(code)}
     stepping = "".join(body for name, body in bodies.items() if name != names["init"])
+    read = set(re.findall(r"\bcasadi_[a-z]\d+\b", stepping))
     _check_rewritten(code, len(bodies))
     of_step: list[tuple[int, str, bytes, bool]] = []  # words, line of the table, content, whether they are reals
     of_init: list[tuple[int, str, bytes, bool]] = []
@@ -80,7 +81,7 @@ def mathematics(model: StepModel, bits: FloatBits) -> tuple[str, str, dict[str, 
         words = np.frombuffer(numbers.tobytes(), dtype="<u4")
         folded = int(np.bitwise_xor.reduce(words))
         line = f" {{{name}, {words.size}U, {int(is_real)}, 0x{folded:08x}U}},"
-        (of_step if re.search(rf"\b{name}\b", stepping) else of_init).append((words.size, line, numbers.tobytes(), is_real))
+        (of_step if name in read else of_init).append((words.size, line, numbers.tobytes(), is_real))
     of_step.sort(key=lambda entry: entry[-1])  # indices first
     for _, _, content, _ in of_step + of_init:
         checksum = zlib.crc32(content, checksum)

@@ -36,6 +36,8 @@ LEARNING = SETTLED + 1  # windows before the first alarm
 REPEATS, MOST_PERIODS = 1e-6, 200  # change of a response that has settled, of its range; periods until then
 ON_TIME = 0.01  # of a step: how far from one a step may be
 LEAST = 20  # samples of a window
+PER_PERIOD = 2.0  # windows in a first period of the membrane, nearly
+BENT = 0.5  # deviations of the load for its second derivative
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +55,8 @@ class StoredResponses:
     healthy : ndarray, shape (s, N)
         Strain [1] after 1, 2, ... steps of a period.
     lasting : ndarray, shape (q, s, N)
-        What a deviation of each nuisance adds: of the membrane and its load, a gain of each sensor, finer elements.
+        What a deviation of each nuisance adds: of the membrane and its load, the square of the load's, a gain of each
+        sensor, finer elements.
     slopes : ndarray, shape (z, s, N)
         What damage of each zone adds, over the damage [1].
     """
@@ -100,13 +103,15 @@ def stored_responses(
         acts, "a watch on board needs a load that repeats. Give the setup a pressure_amplitude and a pressure_frequency."
     )
     period = 1.0 / numbers["pressure_frequency"]
-    windows = max(1, round(period / forward.period))
+    windows = max(1, round(PER_PERIOD * period / forward.period))
     samples = round(period / windows / step)
     require(samples >= LEAST, f"a window has {samples} samples and needs {LEAST} or more. Shorten the step of {step:g} s.")
     kinds = tuple(kind for kind in KINDS if kind in possible(numbers, Loads()))
     nuisances = Nuisances(kinds, forward.parameters, forward.inputs, forward.sensors)
     around = np.vstack([np.zeros(len(kinds)), MOVED * np.eye(len(kinds))])
-    given = [{name: float(value[0]) for name, value in nuisances.moved(z[None]).items()} for z in around]
+    bent = BENT * np.outer([1.0, -1.0], np.eye(len(kinds))[kinds.index("amplitude")])
+    rows = np.vstack([around, bent])
+    given = [{name: float(value[0]) for name, value in nuisances.moved(z[None]).items()} for z in rows]
     zones, N, h = len(forward.zones), windows * samples, period / windows / samples
     damages = np.vstack([np.zeros((len(given), zones)), NEIGHBOUR * np.eye(zones)])
     found = _settled(forward, damages, given + [{}] * zones, N, h)
@@ -115,13 +120,14 @@ def stored_responses(
     if finer is not None:
         added = HALF * (_settled(finer, damages[:1], [{}], N, h) - found[:1])
     gains = GAIN * found[0][None] * np.eye(forward.sensors)[:, :, None]
-    moved = (found[1 : len(given)] - found[0]) / MOVED
+    moved = (found[1 : len(around)] - found[0]) / MOVED
+    curved = (found[len(given) - 2 : len(given)].sum(axis=0, keepdims=True) - 2.0 * found[:1]) / (2.0 * BENT**2)
     return StoredResponses(
         zones=forward.zones,
         step=h,
         windows=windows,
         healthy=found[0] + added.sum(axis=0),
-        lasting=np.concatenate([moved, gains, added]),
+        lasting=np.concatenate([moved, curved, gains, added]),
         slopes=(found[len(given) :] - found[0]) / NEIGHBOUR,
     )
 
