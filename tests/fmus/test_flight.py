@@ -91,7 +91,7 @@ def test_so_has_one_of_an_artifact(tmp_path, make):
 
 @needs_compiler
 def test_so_has_the_watch_which_no_flipped_bit_makes_wrong(tmp_path):
-    stored = stored_responses(square_structure(4, 1), exact_mesh=True)
+    stored = stored_responses(square_structure(8, 1), exact_mesh=True)
     model = watch_model(stored, 1e-3)
     stepper = Stepper(model)
     stepper.warn = lambda _: None
@@ -103,7 +103,6 @@ def test_so_has_the_watch_which_no_flipped_bit_makes_wrong(tmp_path):
     assert found["different"] == found["health"] == 0
     lines = run(*MAKE, "upsets", "FLIPS=50", folder=tmp_path).splitlines()
     assert all(line.endswith(" 0 of these not seen, 0 valid and wrong") for line in lines)
-    assert "1000 calls" in run(*MAKE[:-1], "OPT=-O0", "fuzz", "CALLS=1000", folder=tmp_path)
 
 
 @needs_compiler

@@ -141,9 +141,9 @@ def test_a_start_in_the_middle_of_a_window_waits_for_the_next(stored):
 
 
 def test_the_example_of_a_membrane_raises_an_alarm_of_its_zone():
-    stored = stored_responses(square_structure(4, 1), exact_mesh=True)
+    stored = stored_responses(square_structure(8, 1), exact_mesh=True)
     n = stored.healthy.shape[1] // stored.windows
-    assert stored.step == pytest.approx(3e-4, rel=1e-3)
+    assert stored.step == pytest.approx(3e-4, rel=1e-2)
     assert n * stored.windows * stored.step == pytest.approx(1.0 / 7.9)
     strain = example_strain(stored, NOISE)
     found = watched(stored, strain)

@@ -92,7 +92,7 @@ def stored_responses(
     Raises
     ------
     ParameterError
-        There is no built-in pressure, or windows would have less than 20 samples.
+        There is no built-in pressure, or its period has less than 20 samples.
     ConvergenceError
         The response does not repeat within 200 periods.
     """
@@ -103,9 +103,9 @@ def stored_responses(
         acts, "a watch on board needs a load that repeats. Give the setup a pressure_amplitude and a pressure_frequency."
     )
     period = 1.0 / numbers["pressure_frequency"]
-    windows = max(1, round(PER_PERIOD * period / forward.period))
+    windows = min(max(1, round(PER_PERIOD * period / forward.period)), int(period / step / LEAST))
+    require(windows, f"a period of the load has less than {LEAST} samples. Shorten the step of {step:g} s.")
     samples = round(period / windows / step)
-    require(samples >= LEAST, f"a window has {samples} samples and needs {LEAST} or more. Shorten the step of {step:g} s.")
     kinds = tuple(kind for kind in KINDS if kind in possible(numbers, Loads()))
     nuisances = Nuisances(kinds, forward.parameters, forward.inputs, forward.sensors)
     around = np.vstack([np.zeros(len(kinds)), MOVED * np.eye(len(kinds))])
