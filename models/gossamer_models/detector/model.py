@@ -25,6 +25,7 @@ from .posterior import DamagePosterior, judge_window, judged_in_slices
 from .posterior_artifact import PosteriorArtifact, PosteriorWindow
 
 SNAP = 1e-6  # in sampling steps: a sample due within this is due now, so that rounding does not accumulate
+WHOLE = 1e-4  # of a four of samples, by which a window may be short: single precision divides no better
 UNIT = 4  # a window has whole fours of samples
 LEAST_SIMILARITY = 0.5  # of a valid estimate; single damage between the reference levels has 0.97 or more
 Memory = TypeVar("Memory")
@@ -105,7 +106,7 @@ class Clock:
 
 def samples_of(p: Values) -> ca.MX:
     """Count the samples of a window: the whole fours that fit its length."""
-    return UNIT * ca.fmax(ca.floor(p.window_length / p.sampling_step / UNIT + SNAP), 1.0)
+    return UNIT * ca.fmax(ca.floor(p.window_length / p.sampling_step / UNIT + WHOLE), 1.0)
 
 
 def as_trained(trained: TrainedWindows, p: Values) -> ca.MX:
