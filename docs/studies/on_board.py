@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 from gossamer_models.membrane import square_structure
 from gossamer_models.twin import MembraneForward, Watch
-from gossamer_models.twin.on_board import LAGS, LEARNING, Windows, stored_responses, watch_model
+from gossamer_models.twin.on_board import LAGS, LEARNING, StoredWindows, stored_responses, watch_model
 from gossamer_models.variables import pack, unpack
 from numpy.typing import NDArray
 
@@ -79,7 +79,7 @@ def compare(name: str, count: int) -> str:
 def count_alarms(streams: int) -> str:
     """Count windows that raise an alarm of their own while nothing changes, with nuisances drawn from their priors."""
     stored = stored_responses(square_structure(*BILINEAR), exact_mesh=True)
-    windows = Windows(stored, np.full(len(stored.healthy), 1e-3), 1e-5)
+    windows = StoredWindows(stored, np.full(len(stored.healthy), 1e-3), 1e-5)
     like = windows.start()
     x, g, kind = ca.MX.sym("x", pack(like).numel()), ca.MX.sym("g", windows.q + windows.z), ca.MX.sym("kind")
     judge = ca.Function("judge", [x, g, kind], [pack(windows.judge(unpack(like, x), g, ca.MX(0.0), kind))])

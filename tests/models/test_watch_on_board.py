@@ -10,7 +10,7 @@ from gossamer_models.twin.on_board import (
     LAGS,
     LEARNING,
     StoredResponses,
-    Windows,
+    StoredWindows,
     example_strain,
     stored_responses,
     watch_model,
@@ -101,7 +101,7 @@ def test_an_alarm_comes_with_damage_and_stays_and_not_without(stored):
 
 def test_statistics_are_no_larger_than_their_law_where_nothing_changes(stored):
     """Chi2 of one degree of freedom, largest of four onsets: of 2000 streams between 1/4 and 1 of 5 % are above."""
-    windows, random, streams = Windows(stored, np.full(SENSORS, NOISE), FALSE_ALARMS), np.random.default_rng(4), 2000
+    windows, random, streams = StoredWindows(stored, np.full(SENSORS, NOISE), FALSE_ALARMS), np.random.default_rng(4), 2000
     like = windows.start()
     x, g, kind = ca.MX.sym("x", pack(like).numel()), ca.MX.sym("g", LASTING + ZONES), ca.MX.sym("kind")
     after = windows.judge(unpack(like, x), g, ca.MX(0.0), kind)

@@ -199,7 +199,7 @@ class Running:
     learned: Learned
 
 
-class Windows:
+class StoredWindows:
     """What a window of each kind says of nuisances and damages: constants, and the least squares."""
 
     def __init__(self, stored: StoredResponses, noise: Vector, false_alarms: float) -> None:
@@ -336,7 +336,7 @@ def watch_model(stored: StoredResponses, noise: ArrayLike, false_alarms: float =
     if not (np.isfinite(sigma).all() and (sigma > 0.0).all() and 0.0 < false_alarms < 1.0):
         msg = f"need a positive noise of each sensor and 0 < false_alarms < 1, not {noise!r} and {false_alarms:g}"
         raise ParameterError(msg)
-    windows = Windows(stored, sigma, false_alarms)
+    windows = StoredWindows(stored, sigma, false_alarms)
     sensors, N = stored.healthy.shape
     rows, n = windows.q + windows.z, windows.n
     table = ca.MX(ca.DM(np.vstack([stored.healthy, windows.D.transpose(1, 0, 2).reshape(-1, N)])))
