@@ -20,54 +20,21 @@ import zlib
 from collections.abc import Iterator, Sequence
 from functools import reduce
 from pathlib import Path
-from typing import Literal
 
-import casadi as ca
 import numpy as np
 from gossamer_models import ParameterError, StepModel, Stepper, Variable
 from gossamer_models.arrays import Vector
-from gossamer_models.batch.code import internal_name
 
-from .c_code import INTERFACE
+from .flight_mathematics import FloatBits, mathematics
 
-FloatBits = Literal[32, 64]
-GOLDEN_STEPS, PERIOD = 240, 3e-4  # samples of the golden vectors, [s]
+GOLDEN_STEPS, OF_DETECTOR = 240, 1300  # samples of the golden vectors; a window and the slices that judge it
+PERIOD = 3e-4  # [s]
 TOLERANCES = {64: 1e-12, 32: 1e-2}  # of golden vectors, over the largest value of each result
-_MOST_WORDS = 1 << 16  # constants that are checked before every step; where there are more, a list of them in a step
 _JUDGEMENTS = {"saturated": 0.0, "valid": 1.0}  # results that say whether a model explains its inputs, and when it does
-_FUNCTIONS = (
-    "exp",
-    "expm1",
-    "log",
-    "log1p",
-    "pow",
-    "sqrt",
-    "sin",
-    "cos",
-    "tan",
-    "floor",
-    "ceil",
-    "fabs",
-    "fmax",
-    "fmin",
-    "fmod",
-    "tanh",
-)
-
-_DEFINED = re.compile(r"#define casadi_\w+ CASADI_PREFIX\(\w+\)\n")
-_HELPER = re.compile(r"^(casadi_real|casadi_int|void) (casadi_\w+\()", re.MULTILINE)
-_LIST = re.compile(r"static const (casadi_real|casadi_int) (casadi_\w+)\[(\d+)\] =\s*\{([^}]*)\};")
-_NUMBER = re.compile(r"(?<![\w.])(\d+\.\d*(?:e[+-]?\d+)?)(?![\w.])")
-_INDEX = re.compile(r"\((?:casadi_)?int\) ?(\*c[rs](?:\+\+)?|\w+\[\w+\]|x\b)")
-_LOW = re.compile(r"^  switch \(lookup_mode\) \{.*?default:\n *\{\n(.*?)      \}\n  \}\n", re.DOTALL | re.MULTILINE)
-_FUNCTION = re.compile(r"/\* (\w+):[^\n]*\*/\nstatic int (casadi_f\d+)\(.*?\n\}\n", re.DOTALL)
-_BEGIN = re.compile(r"^(static int casadi_f\d+\(.*\{)$", re.MULTILINE)
-_PLACE = re.compile(r"\*w(\d+)=w\+(\d+)")
-_CALL = re.compile(r"\b(casadi_f\d+)\([^()]*, iw, w, 0\)")
 
 
 def flight_files(
-    model: StepModel, name: str, vectors: tuple[Vector, Vector], golden: Vector, bits: FloatBits = 64
+    model: StepModel, name: str, vectors: tuple[Vector, Vector], golden: Vector, bits: FloatBits = 64, period: float = PERIOD
 ) -> dict[str, bytes]:
     """Return the files of a component by name.
 
@@ -83,6 +50,8 @@ def flight_files(
         Results of the model for them.
     bits : {32, 64}
         Of its numbers.
+    period : float
+        Of the golden vectors [s].
 
     Raises
     ------
@@ -94,13 +63,13 @@ def flight_files(
     if model.tables is not None or model.restarted or (limit is not None and limit >= first_result):
         msg = f"model {model.name!r} has no fixed number of operations in a step. Choose a compensator or a detector."
         raise ParameterError(msg)
-    mathematics, lists, sizes = _mathematics(model, bits)
+    code, lists, sizes = mathematics(model, bits)
     here = Path(__file__).parent / "native/flight"
     files = {path.name: path.read_text(encoding="utf-8") for path in sorted(here.iterdir())}
     files["component.h"] = _header(model, sizes, bits)
-    files["component_math.h"] = mathematics
+    files["component_math.h"] = code
     files["component_table.h"] = _table(model, lists, bits, limit)
-    files["golden.h"] = _golden(model, vectors, golden, bits)
+    files["golden.h"] = _golden(model, vectors, golden, bits, period)
     files["INTERFACE.md"] = _interface(model, bits)
     names = (("component", name), ("COMPONENT", name.upper()))
 
@@ -120,7 +89,7 @@ def golden_vectors(model: StepModel, sensor: StepModel | None) -> tuple[tuple[Ve
     sensor : StepModel or None
         The sensor whose resistance it reads; None if it reads strain.
     """
-    k = np.arange(GOLDEN_STEPS + 1)
+    k = np.arange((OF_DETECTOR if sensor is None else GOLDEN_STEPS) + 1)
     ramp = np.interp(k, [0, 80, 110, 190, GOLDEN_STEPS], [0.04, 0.60, 0.60, 0.24, 0.24])
     strain = ramp + 0.02 * np.sin(2.0 * np.pi * 20.0 * PERIOD * k)  # over full scale
     stepper = Stepper(model)
@@ -132,157 +101,35 @@ def golden_vectors(model: StepModel, sensor: StepModel | None) -> tuple[tuple[Ve
     else:
         names = [v.name for v in model.variables if v.causality == "input"]
         columns = {each: 0.1 * (strain + 0.1 * np.sin(0.7 * k + i) + 0.1) for i, each in enumerate(names)}
-        stepper.set("window_length", 96 * PERIOD)
         stepper.set("repeat", 1.0)
-    parameters, inputs, results = model.slices()
+    inputs = model.slices()[1]
     table = np.array([[v.start or 0.0 for v in model.variables[inputs]]] * k.size)
     for name, column in columns.items():
         table[:, model.names.index(name) - inputs.start] = column
+    return vectors_of(stepper, table)
+
+
+def vectors_of(stepper: Stepper, table: Vector, period: float = PERIOD) -> tuple[tuple[Vector, Vector], Vector]:
+    """Return the parameters of a stepper and inputs, shape (steps + 1, n_inputs), and the results of its model."""
+    model = stepper.model
+    parameters, inputs, results = model.slices()
     given = {v.name: table[:, i] for i, v in enumerate(model.variables[inputs])}
-    rows = np.array(list(_driven(stepper, model.names[results], given)))
-    start = np.array([stepper.get(name) for name in model.names[parameters]])
-    return (start, table), rows
+    rows = np.array(list(_driven(stepper, model.names[results], given, period)))
+    return (np.array([stepper.get(name) for name in model.names[parameters]]), table), rows
 
 
-def _driven(stepper: Stepper, read: str | Sequence[str], given: dict[str, Vector]) -> Iterator[float | list[float]]:
+def _driven(
+    stepper: Stepper, read: str | Sequence[str], given: dict[str, Vector], period: float = PERIOD
+) -> Iterator[float | list[float]]:
     """Run a model over columns of inputs; yield one result or several at each sample."""
-    for k in range(GOLDEN_STEPS + 1):
+    for k in range(len(next(iter(given.values())))):
         for name, column in given.items():
             stepper.set(name, float(column[k]))
         if k:
-            stepper.step(PERIOD)
+            stepper.step(period)
         else:
             stepper.initialize()
         yield stepper.get(read) if isinstance(read, str) else [stepper.get(name) for name in read]
-
-
-def _mathematics(model: StepModel, bits: FloatBits) -> tuple[str, str, dict[str, int]]:
-    """Return what CasADi writes of init and step, the table of its lists of constants, and sizes of work space."""
-    functions = (model.init, model.step)
-    generator = ca.CodeGenerator("functions", {"with_header": False, "verbose": False, "indent": 1})
-    for function in functions:
-        generator.add(function)
-    code = generator.dump()
-    names = {name: internal_name(code, name) for name in ("init", "step")}
-    code = _HELPER.sub(r"static \1 \2", _DEFINED.sub("", INTERFACE.sub("", code)))
-    code, size = _without_holes(code, model)
-    code = _INDEX.sub(r"casadi_index(\1)", _LOW.sub(r"  (void)lookup_mode; /* always 0 */\n\1", code))
-    code = code.replace("= casadi_low(", "= (casadi_real)casadi_low(")
-    code = _BEGIN.sub(r"\1\n (void)arg, (void)res, (void)iw, (void)w, (void)mem;", code)
-    if bits == 32:
-        code = _NUMBER.sub(lambda found: f"{_in_float(float(found[1]))!r}f", code)
-    bodies = {found[2]: found[0] for found in _FUNCTION.finditer(code)}
-    stepping = "".join(body for name, body in bodies.items() if name != names["init"])
-    _check_rewritten(code, len(bodies))
-    of_step: list[tuple[int, str, bytes, bool]] = []  # words, line of the table, content, whether they are reals
-    of_init: list[tuple[int, str, bytes, bool]] = []
-    checksum = 0
-    for kind, name, count, values in _LIST.findall(code):
-        is_real = kind == "casadi_real"
-        numbers = np.array(values.replace("f", "").split(","), dtype=f"<f{bits // 8}" if is_real else "<i4")
-        if int(count) != numbers.size:
-            msg = f"CasADi wrote {numbers.size} numbers in {name}[{count}]; its generator must have changed"
-            raise RuntimeError(msg)
-        words = np.frombuffer(numbers.tobytes(), dtype="<u4")
-        folded = int(np.bitwise_xor.reduce(words))
-        line = f" {{{name}, {words.size}U, {int(is_real)}, 0x{folded:08x}U}},"
-        (of_step if re.search(rf"\b{name}\b", stepping) else of_init).append((words.size, line, numbers.tobytes(), is_real))
-    of_step.sort(key=lambda entry: entry[-1])  # indices first
-    for _, _, content, _ in of_step + of_init:
-        checksum = zlib.crc32(content, checksum)
-    reals = sum(is_real for *_, is_real in of_step)
-    code = _LIST.sub(lambda found: found[0].replace("static const", "static COMPONENT_CONST", 1), code)
-    few = sum(words for words, *_ in of_step) <= _MOST_WORDS
-    table = [
-        f"#define COMPONENT_N_LISTS {len(of_step + of_init)}U",
-        f"#define COMPONENT_N_STEP_LISTS {len(of_step)}U",
-        f"#define COMPONENT_N_INDEX_LISTS {len(of_step) - reals}U",
-        f"#define COMPONENT_N_REAL_LISTS {reals}U",
-        f"#define COMPONENT_LISTS_PER_STEP {reals if few else 1}U",
-        f"#define COMPONENT_CONSTANTS_CRC 0x{checksum:08x}U",
-        f"#define COMPONENT_INIT {names['init']}",
-        f"#define COMPONENT_STEP {names['step']}",
-        "/* those that a step reads first, indices before reals, then those of init alone */",
-        "static const component_list COMPONENT_LISTS[COMPONENT_N_LISTS] = {",
-        *(line for _, line, *_ in of_step + of_init),
-        "};",
-    ]
-    head = [
-        "/* Written by CasADi from the model, as for its native FMU; see component.c. */",
-        f"#define casadi_real {'float' if bits == 32 else 'double'}",
-        "#define casadi_int int",
-        "#define casadi_nan ((casadi_real)NAN)",
-        *(f"#define {each} {each}f" for each in _FUNCTIONS if bits == 32),
-        "#ifndef COMPONENT_CONST",
-        "#define COMPONENT_CONST const /* a test of upsets lets them be written */",
-        "#endif",
-        "",
-        "/* A place in a list; -1, which is in none, for what is no number or too large. */",
-        "static casadi_int casadi_index(casadi_real x) { return x > -1 && x < 1000000000 ? (casadi_int)x : -1; }",
-        "",
-    ]
-    sizes = {
-        "ARG": max(f.sz_arg() for f in functions),
-        "RES": max(f.sz_res() for f in functions),
-        "IW": max(1, *(f.sz_iw() for f in functions)),
-        "W": max(1, size),
-    }
-    return "\n".join(head) + code, "\n".join(table), sizes
-
-
-def _check_rewritten(code: str, bodies: int) -> None:
-    """Refuse code in which a cast to an index or a function was not recognised."""
-    written = len(re.findall(r"^static int casadi_f\d+\([^;]*\{$", code, re.MULTILINE))
-    if re.search(r"\((?:casadi_)?int\)", code) or bodies != written:
-        msg = f"CasADi wrote a cast or a function that is not known ({bodies} of {written}); its generator must have changed"
-        raise RuntimeError(msg)
-
-
-def _in_float(value: float) -> float:
-    """Return a number that stands in single precision for one that it cannot hold."""
-    if value and abs(value) < 1e-37:
-        return 1e-37
-    return min(value, float(np.finfo(np.float32).max))
-
-
-def _without_holes(code: str, model: StepModel) -> tuple[str, int]:
-    """Let the columns of CasADi's work space follow each other; return its size, too.
-
-    A function of CasADi's reserves a place for each of its values and declares those that it writes, ``*w05=w+19``; numbers,
-    constants and arguments are used where they are. What lies before the first place serves the functions that are called.
-    """
-    known = {each.name(): each for f in (model.init, model.step) for each in (*f.find_functions(), f)}
-    new: dict[str, int] = {}
-
-    def close(found: re.Match[str]) -> str:
-        body = found[0]
-        called = max((new[each] for each in _CALL.findall(body)), default=0)
-        sizes = _places(known[found[1]]) if found[1] in known else []
-        written = {int(k): int(begin) for k, begin in _PLACE.findall(body)}
-        before = known[found[1]].sz_w() - sum(sizes) if sizes else 0
-        if any(begin != before + sum(sizes[:k]) for k, begin in written.items()):
-            msg = f"CasADi's function {found[2]} has another work space than it says; its generator must have changed"
-            raise RuntimeError(msg)
-        if not re.search(r"\bw[,)]", _CALL.sub("", body[body.index("{") :])):
-            before = called
-        begin = {k: before + sum(sizes[each] for each in written if each < k) for k in written}
-        new[found[2]] = before + sum(sizes[k] for k in written)
-        return _PLACE.sub(lambda place: f"*w{place[1]}=w+{begin[int(place[1])]}", body)
-
-    code = _FUNCTION.sub(close, code)
-    return code, max(new.values())
-
-
-def _places(function: ca.Function) -> list[int]:
-    """Return the number of elements of each value of a function in its work space."""
-    sizes: dict[int, int] = {}
-    for k in range(function.n_instructions() if function.is_a("MXFunction") else 0):
-        places, kind = function.instruction_output(k), function.instruction_id(k)
-        for i, place in enumerate(places if kind != ca.OP_OUTPUT else []):
-            value = function.instruction_MX(k)
-            size = (value.get_output(i) if kind == ca.OP_CALL or len(places) > 1 else value).nnz()
-            sizes[place] = max(sizes.get(place, 0), size)
-    return [sizes.get(place, 0) for place in range(max(sizes, default=-1) + 1)]
 
 
 def _fields(variables: Sequence[Variable]) -> Iterator[tuple[str, int, Variable]]:
@@ -515,7 +362,7 @@ def _crc_tables() -> list[list[int]]:
     return rows
 
 
-def _golden(model: StepModel, vectors: tuple[Vector, Vector], golden: Vector, bits: FloatBits) -> str:
+def _golden(model: StepModel, vectors: tuple[Vector, Vector], golden: Vector, bits: FloatBits, period: float) -> str:
     """Write golden vectors; hexadecimal, so that no digit is lost."""
 
     def row(values: Vector) -> str:
@@ -526,7 +373,7 @@ def _golden(model: StepModel, vectors: tuple[Vector, Vector], golden: Vector, bi
     lines = [
         "/* Golden vectors: what the model gives in double precision. */",
         f"#define GOLDEN_STEPS {len(inputs) - 1}",
-        f"#define GOLDEN_PERIOD {PERIOD!r}",
+        f"#define GOLDEN_PERIOD {period!r}",
         f"#define GOLDEN_TOLERANCE {TOLERANCES[bits]!r}",
         "static const char *const GOLDEN_NAMES[] = {" + ", ".join(f'"{name}"' for name in names) + "};",
         "static const double GOLDEN_PARAMETERS[] = " + row(parameters)[:-1] + ";",

@@ -19,7 +19,6 @@ TOOLS = {
     "arm-none-eabi-gcc": "gcc-arm-none-eabi and libnewlib-arm-none-eabi",
     "qemu-system-arm": "qemu-system-arm",
 }
-_CORE = ("-mcpu=cortex-m7", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv5-d16")
 _NODE = re.compile(r'node: \{ title: "([^"]+)" label: "[^"]*?(?:\\n(\d+) bytes \((\w+)\)[^"]*)?"')
 _EDGE = re.compile(r'edge: \{ sourcename: "([^"]+)" targetname: "([^"]+)"')
 
@@ -73,8 +72,7 @@ def budgets(folder: Path, name: str) -> dict[str, float]:
     with TemporaryDirectory() as temporary:
         copy = Path(temporary) / "flight"
         shutil.copytree(folder, copy)
-        options = [*_CORE, "-std=c11", "-O2", "-ffp-contract=off", "-fcallgraph-info=su"]
-        run_tool(["arm-none-eabi-gcc", *options, "-c", f"{name}.c", "-o", "measured.o"], copy)
+        run_tool(["make", "-s", "measured.o"], copy)
         sizes = _sections(run_tool(["arm-none-eabi-size", "-A", "measured.o"], copy))
         graph = next(copy.glob("*.ci")).read_text(encoding="utf-8")
         bounds = [stack_bound(graph, f"{name}_{each}") for each in ("init", "step")]

@@ -113,6 +113,8 @@ parameter = partial(Variable, "parameter")
 input_ = partial(Variable, "input")
 output = partial(Variable, "output")
 local = partial(Variable, "local")
+positive = partial(output, unit="1", minimum=0.0, discrete=True)
+fraction = partial(positive, maximum=1.0)
 
 
 def array(

@@ -5,13 +5,22 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from gossamer_files.inputs import check_outputs
+from gossamer_files.options import option
 from gossamer_files.tables import TableText
+from gossamer_orchestrator.errors import require
 
-from .arguments import File, Folder, Scales, command
+from .arguments import AnyPath, File, Folder, NotNegative, Scales, command
 from .results import Saved
+
+if TYPE_CHECKING:
+    from gossamer_models import StepModel
+    from gossamer_models.arrays import Vector
+
+MOST = 8000  # multiplications of numbers of a detector's network in a step
+DEFAULT_NOISE = 1e-3  # of strain [1]
 
 _ROWS = (  # key, words, unit
     ("text", "code", "byte"),
@@ -70,11 +79,13 @@ class FlightCode(Saved):
 
 @command
 def flight(
-    kind: Literal["compensator", "estimator", "filter", "detector"],
+    kind: Literal["compensator", "estimator", "filter", "detector", "watch"],
     *,
     out: Folder = "out/flight",
     artifact: File | None = None,
     scales: Scales | None = None,
+    setup: File | None = None,
+    noise: NotNegative | None = None,
     float: Literal[64, 32] = 64,
     measure: bool = False,
     hil: bool = False,
@@ -89,7 +100,7 @@ def flight(
     ----------
     kind
         What to write: compensator (the exact inverse, or the direct one of an artifact that has it), estimator, filter,
-        detector.
+        detector; or watch, which raises an alarm where readings leave stored healthy responses to a load that repeats.
     out
         Folder to write it to.
     artifact
@@ -97,6 +108,10 @@ def flight(
     scales
         Of the identified sensor, in place of its own: resistance at rest [ohm], its rise to full scale [ohm] and full scale
         [1].
+    setup
+        Of the membrane that a watch is for, with its built-in pressure; the square of the thesis by default.
+    noise
+        Standard deviation of the strain that a watch reads [1]; 0.001 by default.
     float
         Bits of its numbers.
     measure
@@ -119,13 +134,12 @@ def flight(
     On the command line::
 
         gossamer flight compensator
-
         gossamer flight estimator --artifact out/mine/sensor.json --out out/flight --measure
-
         gossamer flight compensator --hil --framework fprime
+        gossamer flight watch --setup sail.toml --noise 0.0005
     """
     from gossamer_fmus.catalogue import make_model
-    from gossamer_fmus.flight import flight_files, golden_vectors
+    from gossamer_fmus.flight import PERIOD, flight_files, golden_vectors
     from gossamer_fmus.flight_budgets import budgets, require_tools
     from gossamer_fmus.frameworks import framework_files
     from gossamer_fmus.in_the_loop import write_fmu_in_the_loop
@@ -134,9 +148,15 @@ def flight(
         require_tools("budgets need" if measure else "a processor in the loop needs")
     folder = Path(out)
     given: dict[str, Any] = {"artifact": None if artifact is None else Path(artifact), "scales": scales}
-    model = make_model(kind, **given)
-    vectors, golden = golden_vectors(model, None if kind == "detector" else make_model("sensor", **given))
-    files = flight_files(model, kind, vectors, golden, float)
+    of_watch, others = {"setup": setup, "noise": noise}, {"artifact": artifact, "scales": scales}
+    for name, value in (others if kind == "watch" else of_watch).items():
+        require(value is None, f"{option(name)} has no meaning for a {kind}. Leave it out.")
+    if kind == "watch":
+        model, vectors, golden, period = _watch(setup, DEFAULT_NOISE if noise is None else noise)
+    else:
+        model, period = make_model(kind, most=MOST if kind == "detector" else None, **given), PERIOD
+        vectors, golden = golden_vectors(model, None if kind == "detector" else make_model("sensor", **given))
+    files = flight_files(model, kind, vectors, golden, float, period)
     if framework is not None:
         own = {name: files[name] for name in (f"{kind}.c", f"{kind}.h", f"{kind}_math.h", f"{kind}_table.h")}
         own |= framework_files(model, kind, framework, float)
@@ -152,3 +172,18 @@ def flight(
     if measured:
         (folder / "budgets.json").write_text(json.dumps(measured, indent=1), encoding="utf-8")
     return FlightCode(files=[folder, *in_the_loop], kind=kind, bits=float, budgets=measured)
+
+
+def _watch(setup: AnyPath | None, noise: float) -> tuple[StepModel, tuple[Vector, Vector], Vector, float]:
+    """Return the watch of a membrane with its golden vectors and their period [s]."""
+    from gossamer_fmus.flight import vectors_of
+    from gossamer_models import Stepper
+    from gossamer_models.twin.on_board import example_strain, stored_responses, watch_model
+
+    from .descriptions import load_structure
+
+    stored = stored_responses(None if setup is None else load_structure(setup))
+    model = watch_model(stored, noise)
+    stepper = Stepper(model)
+    stepper.warn = lambda _: None
+    return model, *vectors_of(stepper, example_strain(stored, noise).T, stored.step), stored.step

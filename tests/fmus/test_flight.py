@@ -13,11 +13,13 @@ import numpy as np
 import pytest
 from fmu_host import Instance
 from gossamer_fmus.catalogue import make_model
-from gossamer_fmus.flight import HEALTH, PERIOD, flight_files, golden_vectors
+from gossamer_fmus.flight import HEALTH, PERIOD, flight_files, golden_vectors, vectors_of
 from gossamer_fmus.flight_budgets import FlightError, budgets, missing_tools, stack_bound
-from gossamer_models import ParameterError
+from gossamer_models import ParameterError, Stepper
 from gossamer_models.compensator import compensator_model
+from gossamer_models.membrane import square_structure
 from gossamer_models.sensor import default_artifact
+from gossamer_models.twin.on_board import example_strain, stored_responses, watch_model
 from oracles.direct import direct_inverse
 
 KINDS = ("compensator", "estimator", "filter")
@@ -85,6 +87,22 @@ def test_so_has_one_of_an_artifact(tmp_path, make):
         (tmp_path / name).write_bytes(content)
     found = printed(run(*MAKE, "golden", folder=tmp_path))
     assert found["different"] == found["health"] == 0
+
+
+@needs_compiler
+def test_so_has_the_watch_which_no_flipped_bit_makes_wrong(tmp_path):
+    stored = stored_responses(square_structure(8, 1), exact_mesh=True)
+    model = watch_model(stored, 1e-3)
+    stepper = Stepper(model)
+    stepper.warn = lambda _: None
+    vectors, golden = vectors_of(stepper, example_strain(stored, 1e-3).T, stored.step)
+    assert golden[-1, 0] == 1.0  # an alarm
+    for name, content in flight_files(model, "watch", vectors, golden, period=stored.step).items():
+        (tmp_path / name).write_bytes(content)
+    found = printed(run(*MAKE, "golden", folder=tmp_path))
+    assert found["different"] == found["health"] == 0
+    lines = run(*MAKE, "upsets", "FLIPS=50", folder=tmp_path).splitlines()
+    assert all(line.endswith(" 0 of these not seen, 0 valid and wrong") for line in lines)
 
 
 @needs_compiler

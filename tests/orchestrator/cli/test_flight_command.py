@@ -73,3 +73,12 @@ def test_so_it_does_for_a_processor_in_the_loop(tmp_path, monkeypatch):
     result = invoke(["flight", "compensator", "--out", str(tmp_path), "--hil"])
     assert result.exit_code == 1
     assert "a processor in the loop needs make, gcc-arm-none-eabi" in result.output
+
+
+def test_a_watch_and_the_others_have_options_of_their_own():
+    result = invoke(["flight", "watch", "--artifact", "sensor.json"])
+    assert result.exit_code == 1
+    assert "--artifact has no meaning for a watch" in result.output
+    result = invoke(["flight", "compensator", "--noise", "0.002"])
+    assert result.exit_code == 1
+    assert "--noise has no meaning for a compensator" in result.output
