@@ -67,7 +67,7 @@ PIP := $(BIN)/python -m pip install --quiet --no-compile --no-deps
 $(STAMP): constraints-light.txt constraints.txt pyproject.toml
 	@echo "Installing what the demo needs into $(VENV), which takes half a minute to two minutes."
 	$(PYTHON) -m venv $(VENV)
-	sed -n '/^ziglang==/,/[^\]$$/p' constraints.txt > $(VENV)/compiler.txt
+	sed -n -e '/^lief==/,/[^\]$$/p' -e '/^ziglang==/,/[^\]$$/p' constraints.txt > $(VENV)/compiler.txt
 	$(PIP) --require-hashes -r constraints-light.txt -r $(VENV)/compiler.txt
 	$(PIP) --no-build-isolation --editable .
 	touch $(STAMP)

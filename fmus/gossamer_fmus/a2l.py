@@ -17,17 +17,16 @@ References
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Mapping
 from pathlib import PurePosixPath
+from typing import Any
 
 from gossamer_models import StepModel
+from gossamer_models.errors import CompilerError
 
 FOLDER = "extra/org.fmi-standard.fmi-ls-xcp"
 VALUES_OFFSET = 4 * 8  # of the variables in a State, and so in an Instance (stepper.h) [byte]
 _LARGEST = 1.7976931348623157e308
-_FAT, _MACH, _ELF = b"\xca\xfe\xba\xbe", b"\xcf\xfa\xed\xfe", b"\x7fELF"
-_PROCESSORS = {0x01000007: "x86_64-darwin", 0x0100000C: "aarch64-darwin"}
 _MANIFEST = """<?xml version="1.0" encoding="UTF-8"?>
 <fmiLayeredStandardManifest xmlns:fmi-ls="http://fmi-standard.org/fmi-ls-manifest"
   fmi-ls:fmi-ls-name="org.fmi-standard.fmi-ls-xcp" fmi-ls:fmi-ls-version="1.0.0"
@@ -55,9 +54,8 @@ def descriptions(model: StepModel, binaries: Mapping[str, bytes]) -> dict[str, b
     """
     files = {f"{FOLDER}/fmi-ls-manifest.xml": _MANIFEST, "documentation/fmi-ls-xcp.txt": _DOCUMENT}
     for path, library in binaries.items():
-        for platform, one in _parts(PurePosixPath(path).parent.name, library).items():
-            begin = symbol_address(one, first_instance(model)) + VALUES_OFFSET
-            files[f"{FOLDER}/{platform}/{model.name}.a2l"] = _file(model, begin)
+        for platform, at in _addresses(first_instance(model), PurePosixPath(path).parent.name, library).items():
+            files[f"{FOLDER}/{platform}/{model.name}.a2l"] = _file(model, at + VALUES_OFFSET)
     return {name: text.encode() for name, text in files.items()}
 
 
@@ -66,67 +64,23 @@ def first_instance(model: StepModel) -> str:
     return f"{model.name}_first_instance"
 
 
-def symbol_address(library: bytes, name: str) -> int:
-    """Return the address of an exported symbol in an ELF, PE or Mach-O library of 64 bits, relative to its base.
-
-    Raises
-    ------
-    KeyError
-        The library does not export it.
-    """
-    find = _in_elf if library.startswith(_ELF) else _in_mach if library.startswith(_MACH) else _in_pe
-    return find(library)[name]
-
-
-def _parts(platform: str, library: bytes) -> dict[str, bytes]:
-    """Return a library by platform, or its parts if it is a universal one (mach-o/fat.h)."""
-    if not library.startswith(_FAT):
-        return {platform: library}
-    heads = (struct.unpack_from(">5I", library, 8 + 20 * k) for k in range(struct.unpack_from(">I", library, 4)[0]))
-    return {_PROCESSORS[processor]: library[begin : begin + size] for processor, _, begin, size, _ in heads}
-
-
-def _text(library: bytes, begin: int) -> str:
-    return library[begin : library.index(b"\0", begin)].decode()
-
-
-def _in_elf(library: bytes) -> dict[str, int]:
-    begin, (size, count) = struct.unpack_from("<Q", library, 0x28)[0], struct.unpack_from("<HH", library, 0x3A)
-    sections = [struct.unpack_from("<IIQQQQIIQQ", library, begin + k * size) for k in range(count)]
-    (table,) = (each for each in sections if each[1] == 11)  # SHT_DYNSYM
-    names = sections[table[6]][4]
-    symbols = (struct.unpack_from("<IBBHQQ", library, table[4] + k) for k in range(0, table[5], 24))
-    return {_text(library, names + name): value for name, _, _, _, value, _ in symbols}
-
-
-def _in_pe(library: bytes) -> dict[str, int]:
-    head = struct.unpack_from("<I", library, 0x3C)[0] + 4
-    (n_sections,), (size,) = struct.unpack_from("<H", library, head + 2), struct.unpack_from("<H", library, head + 16)
-    sections = [struct.unpack_from("<4I", library, head + 20 + size + 40 * k + 8) for k in range(n_sections)]
-
-    def place(address: int) -> int:
-        return next(address - begin + at for length, begin, _, at in sections if begin <= address < begin + length)
-
-    exports = place(struct.unpack_from("<I", library, head + 20 + 112)[0])
-    _, n_names, addresses, names, ordinals = struct.unpack_from("<5I", library, exports + 20)
-    found = {}
-    for k in range(n_names):
-        (name,) = struct.unpack_from("<I", library, place(names) + 4 * k)
-        (ordinal,) = struct.unpack_from("<H", library, place(ordinals) + 2 * k)
-        found[_text(library, place(name))] = struct.unpack_from("<I", library, place(addresses) + 4 * ordinal)[0]
-    return found
-
-
-def _in_mach(library: bytes) -> dict[str, int]:
-    at, found = 32, {}
-    for _ in range(struct.unpack_from("<I", library, 16)[0]):
-        command, size, symbols, count, names, _ = struct.unpack_from("<6I", library, at)
-        if command == 2:  # LC_SYMTAB; the base of a library is at 0
-            for k in range(count):
-                name, _, _, _, value = struct.unpack_from("<IBBHQ", library, symbols + 16 * k)
-                found[_text(library, names + name).removeprefix("_")] = value
-        at += size
-    return found
+def _addresses(name: str, platform: str, library: bytes) -> dict[str, int]:
+    """Return where an exported symbol lies, from the base of a library, by platform: a universal one has two."""
+    try:
+        import lief  # slow to load
+    except ImportError as error:
+        msg = "native FMUs need lief, which reads where their symbols lie. Install it with: pip install 'lief>=1,<2'"
+        raise CompilerError(msg) from error
+    if "darwin" in platform:
+        processors = lief.MachO.Header.CPU_TYPE
+        names = {processors.X86_64: "x86_64-darwin", processors.ARM64: "aarch64-darwin"}
+        parts: Any = lief.MachO.parse(list(library))  # owns them
+        both = (parts.at(k) for k in range(parts.size))
+        return {names[one.header.cpu_type]: one.get_symbol(f"_{name}").value for one in both}
+    one: Any = lief.parse(library)
+    if library.startswith(b"MZ"):  # for Windows
+        return {platform: next(entry.address for entry in one.get_export().entries if entry.name == name)}
+    return {platform: one.get_dynamic_symbol(name).value}
 
 
 def _file(model: StepModel, begin: int) -> str:

@@ -16,7 +16,7 @@ from typing import Literal
 from gossamer_models import StepModel
 
 from .description import Array, arrays_of
-from .flight import FloatBits
+from .flight_mathematics import FloatBits
 
 Framework = Literal["fprime", "cfs"]
 Arrays = Sequence[Array]

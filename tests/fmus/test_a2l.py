@@ -89,7 +89,7 @@ def test_a_parameter_that_is_written_there_is_that_of_the_next_step(built, unzip
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-def test_addresses_of_every_platform_are_those_that_another_reader_finds(tmp_path, fmi):
+def test_every_platform_has_a_file_with_the_address_of_its_first_instance(tmp_path, fmi):
     lief = pytest.importorskip("lief")
     path = build_all(tmp_path, ["sensor"], native=True, fmi=fmi, platforms=["all"])["sensor"]
     members = members_of(path)
