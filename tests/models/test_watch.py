@@ -1,5 +1,6 @@
 """The watch: no alarm in a healthy run, an alarm after damage, its onset and its zones; states and refusals."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -290,3 +291,14 @@ def test_a_film_of_finer_elements_hides_less_where_a_finer_mesh_is_simulated_bes
 def test_readings_of_the_same_mesh_have_nothing_of_a_finer_one():
     judged = windows(Watch(NOISE, SQUARE), noisy(strains(0.0, 1, 0.0), 0))
     assert max(window.mesh for window in judged[1:]) < 0.02
+
+
+def test_neighbours_do_not_come_apart_where_a_cycle_of_the_load_ends():
+    """Their states are compared: a phase that had begun anew was a whole cycle away, and moved the watch into nowhere."""
+    forward = MembraneForward(square_structure(4, 1))
+    frequency = forward.parameters["pressure_frequency"]
+    begins = [forward.begin(np.zeros(16), {"pressure_frequency": f})[0] for f in frequency * np.array([1.0001, 0.9999])]
+    joined = {name: np.concatenate([getattr(each, name) for each in begins]) for name in ("x", "values")}
+    _, state = forward.advance(replace(begins[0], **joined), np.zeros((2, 100, 16)), {}, 1.0 / (100.0 * frequency))
+    distance = np.abs(state.x[1] - state.x[0]).max()
+    assert 1e-4 < distance < 0.1

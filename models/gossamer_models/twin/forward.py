@@ -110,7 +110,8 @@ class Forward(Protocol):
     ) -> tuple[Matrix, BatchState]:
         """Go on from the states of m cases with histories of damage, shape (m, n, z) [1].
 
-        Returns strain [1], shape (m, s, n), not a number where a case fails; and the states where they end.
+        Returns strain [1], shape (m, s, n), not a number where a case fails; and the states where they end, which differ by
+        what the cases differ, also where one has begun another cycle of a load.
         """
         ...
 
@@ -165,6 +166,8 @@ class MembraneForward:
             {name: given.get(name, value) for name, value in starts[c].items()} for c in ("parameter", "input")
         )
         self._given, self._batches, self._solving = given, dict[tuple[str, ...], Batch](), Lock()
+        assert self._model.at_rest is not None
+        self._phase = 2 * self._model.at_rest.begin.size1_in(2)  # after displacements and velocities, see ``MembraneState``
         self._acts_on = [self._acted_on(fault) for fault in self.faults]
 
     def _acted_on(self, fault: Fault) -> tuple[int | None, list[str]]:
@@ -263,7 +266,9 @@ class MembraneForward:
         """Go on from the states of m cases with histories of damage, see ``Forward``."""
         inputs = {**histories, **dict(zip(self._damages, np.moveaxis(damage, 2, 0), strict=True))}
         run = self._batch(tuple(inputs)).run(damage.shape[1], h, inputs=inputs, state=state, workers=WORKERS)
-        return run.results, run.state
+        x = run.state.x.copy()
+        x[:, self._phase] -= np.round(x[:, self._phase] - x[0, self._phase])  # whole cycles, where one has begun another
+        return run.results, replace(run.state, x=x)
 
     def _batch(self, inputs: tuple[str, ...]) -> Batch:
         if inputs not in self._batches:
