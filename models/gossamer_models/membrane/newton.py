@@ -149,7 +149,9 @@ class Newton:
             K = self.stiffened(u, p, q)
             step = splu(self._shifted(K, mu)).solve(f)
             falls = f @ step
-            if not (falls > 0.0 and step @ self._shifted(K, mu) @ step > 0.0):
+            if left <= 1.0 and falls <= 0.0:  # forces that are nothing
+                return q
+            if not falls > 0.0:  # f.d = d.(K + mu M) d
                 mu, refused = max(_LEAST_SHIFT, mu / _FALL), refused + 1
                 if refused > _REFUSED:
                     break
