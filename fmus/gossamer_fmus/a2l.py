@@ -1,7 +1,8 @@
 """Where the values of a native FMU lie, for calibration tools: an A2L file per binary, as FMI-LS-XCP has it [1]_.
 
 The FMU holds no XCP service; that of an importer reads and writes its memory. Addresses are relative to the base address of
-the binary, and those of the first instance in a process, which alone has a fixed place. Files::
+the binary, and those of the first instance in a process whose environment has ``GOSSAMER_FIXED_ADDRESS``;
+others are allocated. Files::
 
     extra/org.fmi-standard.fmi-ls-xcp/fmi-ls-manifest.xml
     extra/org.fmi-standard.fmi-ls-xcp/<platform>/<name>.a2l    <platform> as below ``binaries/``
@@ -36,7 +37,8 @@ FMUs, which can either provide an XCP service or allow direct memory access via 
 """
 _DOCUMENT = """The A2L files describe the memory of this FMU for an XCP service of the importer. The FMU holds none, so there
 is no IF_DATA XCP. Addresses are relative to the base address of the loaded binary. They are those of the instance that is
-made first in a process; others are allocated, and no address of them is known before. All values are doubles of 8 bytes,
+made first in a process whose environment has GOSSAMER_FIXED_ADDRESS=1; others are allocated, and no address of them is
+known before. All values are doubles of 8 bytes,
 lowest byte first. Read at communication points. A parameter that is written while the model runs holds from the next step,
 and its range is not checked; what is computed from it when the initialization ends is not computed again.
 """

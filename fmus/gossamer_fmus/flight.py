@@ -66,6 +66,7 @@ def flight_files(
     code, lists, sizes = mathematics(model, bits)
     here = Path(__file__).parent / "native/flight"
     files = {path.name: path.read_text(encoding="utf-8") for path in sorted(here.iterdir())}
+    files["main.c"] = files["main.c"].replace("3e-4", repr(period))
     files["component.h"] = _header(model, sizes, bits)
     files["component_math.h"] = code
     files["component_table.h"] = _table(model, lists, bits, limit)

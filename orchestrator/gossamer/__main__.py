@@ -14,7 +14,9 @@ from gossamer_files import ending_signals
 
 INTERRUPTED = 130  # exit code
 LATER = 0.003  # [s]
-LOST = 10.0  # [s] after which a command that goes on is interrupted again: destructors, C and libraries pass over exceptions
+LOST = (
+    60.0  # [s] after which a command that goes on is interrupted once more: destructors and libraries pass over exceptions
+)
 
 
 def interrupt(number: int, frame: FrameType | None) -> None:
@@ -25,7 +27,8 @@ def interrupt(number: int, frame: FrameType | None) -> None:
             interrupt_in(LATER)
             return
         there = there.f_back
-    interrupt_in(LOST)
+    if number in ending_signals():  # not by the clock
+        interrupt_in(LOST)
     signal.default_int_handler(number, frame)
 
 

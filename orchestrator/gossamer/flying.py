@@ -151,6 +151,9 @@ def flight(
     of_watch, others = {"setup": setup, "noise": noise}, {"artifact": artifact, "scales": scales}
     for name, value in (others if kind == "watch" else of_watch).items():
         require(value is None, f"{option(name)} has no meaning for a {kind}. Leave it out.")
+    require(noise is None or noise > 0.0, "--noise is what a watch compares with: it must be larger than 0.")
+    own_period = kind == "watch" and framework is not None
+    require(not own_period, "a watch has a period of its own, which --framework does not know. Leave it out.")
     if kind == "watch":
         model, vectors, golden, period = _watch(setup, DEFAULT_NOISE if noise is None else noise)
     else:
@@ -166,7 +169,6 @@ def flight(
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(content)
     (folder / "budgets.json").unlink(missing_ok=True)  # of another component
-    (folder / f"{kind}.fmu").unlink(missing_ok=True)
     in_the_loop = [write_fmu_in_the_loop(model, kind, folder)] if hil else []
     measured = budgets(folder, kind) if measure else {}
     if measured:

@@ -39,6 +39,8 @@ def with_edge(m: float, c: Array, J: Array, held: Array) -> tuple[float, Array, 
 def too_light(m: float, c: Array, J: Array, membrane: Array) -> str:
     """Say so where a body with the membrane's edge is too light for it, the numbers of ``HELD`` and ``MOVING``."""
     whole = membrane[0] + membrane[10]
+    if not (np.isfinite([m, *J.flat, *membrane]).all() and m > 0.0 and np.linalg.eigvalsh(J).min() > 0.0):
+        return ""  # a mass at a point, or numbers that the run refuses
     r = (membrane[1:4] + membrane[11:]) / whole - c
     lever = np.cross(r, np.eye(3)).T  # r x n by columns
     apparent = 1.0 / np.linalg.eigvalsh(np.eye(3) / m + lever.T @ np.linalg.solve(J, lever)).max()

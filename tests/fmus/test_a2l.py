@@ -1,4 +1,4 @@
-"""FMI-LS-XCP: where the values of native FMUs lie, against their memory and against other readers of binaries and of A2L."""
+"""FMI-LS-XCP: where the values of native FMUs lie, against their memory on Linux and a reader of A2L."""
 
 import ctypes
 import re
@@ -15,6 +15,11 @@ from gossamer_fmus import NAMES, build_all
 from gossamer_fmus.a2l import FOLDER, VALUES_OFFSET
 
 pytest.importorskip("ziglang", reason="native FMUs need the compiler ziglang")
+
+
+@pytest.fixture(autouse=True)
+def fixed_address(monkeypatch):
+    monkeypatch.setenv("GOSSAMER_FIXED_ADDRESS", "1")
 
 
 def members_of(path):

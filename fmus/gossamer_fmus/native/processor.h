@@ -65,7 +65,7 @@ static int processor_stop(Processor *p, double patience) {
   if (!p->pid) return 0;
   close(p->to), close(p->from), close(p->unused);
   for (double end = seconds_now() + patience; waitpid(p->pid, &status, WNOHANG) == 0;) {
-    if (seconds_now() > end) kill(p->pid, SIGKILL);
+    if (seconds_now() > end) kill(-p->pid, SIGKILL); /* with what it started */
     nanosleep(&(struct timespec){0, 1000000}, NULL);
   }
   p->pid = 0;

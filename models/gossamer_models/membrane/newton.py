@@ -149,7 +149,7 @@ class Newton:
             K = self.stiffened(u, p, q)
             step = splu(self._shifted(K, mu)).solve(f)
             falls = f @ step
-            if left <= 1.0 and falls <= 0.0:  # forces that are nothing
+            if left <= 1.0 and falls == 0.0:  # forces that are nothing
                 return q
             if not falls > 0.0:  # f.d = d.(K + mu M) d
                 mu, refused = max(_LEAST_SHIFT, mu / _FALL), refused + 1
@@ -170,7 +170,7 @@ class Newton:
             if left <= 1.0 and left_to >= left:
                 return q
             q, f, left, mu = to, f_to, left_to, _FALL * mu if mu > _LEAST_SHIFT else 0.0
-        return None
+        return q if left <= 1.0 else None
 
     def reach(self, u: Vector, p: Vector, known: Known) -> Vector | None:
         """Return the equilibrium that is reached from one that is known, None if none is."""

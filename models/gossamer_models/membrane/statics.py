@@ -263,6 +263,7 @@ class Equilibrium:
         if not np.array_equal(healthy, u):
             return self._known(healthy, p)
         rough = self._rounded(u, p, ROUGHLY)
+        rough[0][self._damages] = 0.0
         if np.array_equal(rough[0], u) and np.array_equal(rough[1], p):
             return self._first
         return self._known(*rough) or self._first

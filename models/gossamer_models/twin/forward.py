@@ -267,7 +267,9 @@ class MembraneForward:
         inputs = {**histories, **dict(zip(self._damages, np.moveaxis(damage, 2, 0), strict=True))}
         run = self._batch(tuple(inputs)).run(damage.shape[1], h, inputs=inputs, state=state, workers=WORKERS)
         x = run.state.x.copy()
-        x[:, self._phase] -= np.round(x[:, self._phase] - x[0, self._phase])  # whole cycles, where one has begun another
+        phase = x[:, self._phase]
+        known = phase[np.isfinite(phase)]  # of cases that have not failed
+        x[:, self._phase] -= np.round(phase - (known[0] if known.size else 0.0))  # whole cycles, where one has begun another
         return run.results, replace(run.state, x=x)
 
     def _batch(self, inputs: tuple[str, ...]) -> Batch:

@@ -364,7 +364,8 @@ def watch_model(stored: StoredResponses, noise: ArrayLike, false_alarms: float =
         due = ca.logic_and(ends, broken < 0.5)
         judged = pack(windows.judge(x.learned, g, about, kind))
         learned = unpack(x.learned, ca.conditional(ca.if_else(due, 0, -1), [judged], pack(x.learned), True))
-        valid = ca.if_else(ca.logic_and(ends, broken > 0.5), 0.0, learned.said.valid)
+        lacks = ca.logic_or(ca.logic_and(ends, broken > 0.5), ca.logic_and(begins, late))  # late: the end of the last window
+        valid = ca.if_else(lacks, 0.0, learned.said.valid)
         said = replace(learned.said, valid=valid)
         learned = replace(learned, said=said)
         return Running(column, broken, g, total, squares, learned), results_of(said)
@@ -400,9 +401,7 @@ def example_strain(stored: StoredResponses, noise: ArrayLike) -> Matrix:
     n = stored.healthy.shape[1] // stored.windows
     at = np.arange(-1, windows * n) % stored.healthy.shape[1]
     late = np.arange(-1, windows * n) >= (windows - 3) * n
-    rough = np.broadcast_to(noise, len(stored.healthy))[:, None] * np.random.default_rng(1).standard_normal((1, at.size))
+    rough = np.broadcast_to(noise, len(stored.healthy))[:, None] * np.random.default_rng(1).standard_normal(
+        (len(stored.healthy), at.size)
+    )
     return np.asarray(stored.healthy[:, at] + 0.3 * late * stored.slopes[0][:, at] + rough)
-
-
-def _counted(count: int) -> list[str]:
-    return [str(k) for k in range(1, count + 1)]

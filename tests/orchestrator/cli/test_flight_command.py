@@ -82,3 +82,9 @@ def test_a_watch_and_the_others_have_options_of_their_own():
     result = invoke(["flight", "compensator", "--noise", "0.002"])
     assert result.exit_code == 1
     assert "--noise has no meaning for a compensator" in result.output
+    result = invoke(["flight", "watch", "--noise", "0"])
+    assert result.exit_code == 1
+    assert "must be larger than 0" in result.output
+    result = invoke(["flight", "watch", "--framework", "cfs"])
+    assert result.exit_code == 1
+    assert "a period of its own" in result.output
