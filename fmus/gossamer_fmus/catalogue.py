@@ -89,7 +89,7 @@ def package_folder(name: str) -> Path:
     return Path(spec.origin).parent
 
 
-def make_model(name: str, *, compiled: bool = False, most: int | None = None, **options: Unpack[ModelOptions]) -> StepModel:
+def make_model(name: str, *, compiled: bool = False, **options: Unpack[ModelOptions]) -> StepModel:
     """Make the model of one of the FMUs.
 
     Parameters
@@ -98,8 +98,6 @@ def make_model(name: str, *, compiled: bool = False, most: int | None = None, **
         One of ``NAMES``.
     compiled : bool
         Whether to use the form of the model for compilation, if it has one.
-    most : int or None
-        Multiplications in a step of a detector that has a posterior network, see ``posterior_model``.
     **options
         See ``ModelOptions``.
 
@@ -132,7 +130,7 @@ def make_model(name: str, *, compiled: bool = False, most: int | None = None, **
         trained = PosteriorArtifact.default() if artifact is None else read_detector(artifact)
         if (structure := given.get("structure")) is not None:
             trained.require_structure(structure, str(artifact or "nominal"))
-        return posterior_model(trained, most) if isinstance(trained, PosteriorArtifact) else detector_model(trained)
+        return posterior_model(trained) if isinstance(trained, PosteriorArtifact) else detector_model(trained)
     if artifact is None:
         sensor = () if scales is None else (replace(default_artifact(), scales=_scales(scales)),)
         return MODELS[name](*sensor)

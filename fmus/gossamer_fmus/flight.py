@@ -27,7 +27,7 @@ from gossamer_models.arrays import Vector
 
 from .flight_mathematics import FloatBits, mathematics
 
-GOLDEN_STEPS, OF_DETECTOR = 240, 1300  # samples of the golden vectors; a window and the slices that judge it
+GOLDEN_STEPS, OF_DETECTOR = 240, 1300  # samples of the golden vectors; more than a window of a detector
 PERIOD = 3e-4  # [s]
 TOLERANCES = {64: 1e-12, 32: 1e-2}  # of golden vectors, over the largest value of each result
 _JUDGEMENTS = {"saturated": 0.0, "valid": 1.0}  # results that say whether a model explains its inputs, and when it does

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from gossamer_models import StepModel
     from gossamer_models.arrays import Vector
 
-MOST = 8000  # multiplications of numbers of a detector's network in a step
 DEFAULT_NOISE = 1e-3  # of strain [1]
 
 _ROWS = (  # key, words, unit
@@ -157,7 +156,7 @@ def flight(
     if kind == "watch":
         model, vectors, golden, period = _watch(setup, DEFAULT_NOISE if noise is None else noise)
     else:
-        model, period = make_model(kind, most=MOST if kind == "detector" else None, **given), PERIOD
+        model, period = make_model(kind, **given), PERIOD
         vectors, golden = golden_vectors(model, None if kind == "detector" else make_model("sensor", **given))
     files = flight_files(model, kind, vectors, golden, float, period)
     if framework is not None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from gossamer_fmus.catalogue import fmu_folder
-from gossamer_models import ArtifactError, DataError, ParameterError, Stepper, simulate
+from gossamer_models import ArtifactError, DataError, Stepper, simulate
 from gossamer_models.assessment import PosteriorJudge
 from gossamer_models.assessment.figures import errors, misleading
 from gossamer_models.assessment.judges import Verdicts
@@ -16,7 +16,7 @@ from gossamer_models.campaign.symmetry import Symmetry, mirrors
 from gossamer_models.detector import PosteriorArtifact, posterior_fit, posterior_model
 from gossamer_models.detector.features import block_means, difference_noise, principal_components
 from gossamer_models.detector.networks import ResidualNetwork
-from gossamer_models.detector.posterior import analyse, heads_of, image_signs, judge_records, judged_in_slices, unexplained
+from gossamer_models.detector.posterior import analyse, heads_of, image_signs, judge_records, unexplained
 from gossamer_models.detector.posterior_artifact import NOMINAL
 from gossamer_models.detector.posterior_fit import NetworkFit, loss_gradient, spoilt_sensors
 from gossamer_models.detector.posterior_records import STATED, Sensing, Training, Windows
@@ -88,23 +88,6 @@ def test_streaming_equals_the_whole_record_window_by_window(artifact, model, mem
     for number, part in enumerate(np.split(record, 4, axis=1)):
         expected = judged(artifact, min(number, 2), part)
         assert rows[(number + 1) * SAMPLES - 1] == pytest.approx(expected, abs=1e-12)
-
-
-def test_slices_give_the_same_answer_to_the_bit_some_samples_later(artifact, model, membrane):
-    """One network and no more than 64,000 multiplications in a step; a window that follows is judged as well."""
-    window = replace(artifact, windows=artifact.windows[:1])
-    record = strains(membrane, random_damage(1, 3), SAMPLES + 100)[0]
-    at_once, sliced = (run(posterior_model(window, most), record, repeat=1.0) for most in (None, 64_000))
-    slices = len(judged_in_slices(window.windows[0], window.block, 64_000))
-    assert slices < 100
-    assert (sliced[: SAMPLES - 1 + slices] == 0.0).all()
-    assert (sliced[SAMPLES - 1 + slices] == at_once[SAMPLES - 1]).all()
-    assert at_once[SAMPLES - 1, -1] == 1.0
-
-
-def test_slices_that_do_not_fit_into_a_window_are_refused(artifact):
-    with pytest.raises(ParameterError, match="Make them longer"):
-        posterior_model(replace(artifact, windows=artifact.windows[:1]), 600)
 
 
 def test_a_delayed_record_is_judged_alike_when_the_delay_is_named(model, membrane):

@@ -8,20 +8,18 @@ run only when a window ends.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Generic, NamedTuple, TypeVar
 
 import casadi as ca
-import numpy as np
 
-from ..errors import require
 from ..step_model import StepModel
-from ..variables import Results, Values, Variable, fraction, input_, pack, parameter, positive, results_of, select, unpack
+from ..variables import Results, Values, Variable, fraction, input_, pack, parameter, positive, results_of, unpack
 from .artifact import DetectorArtifact, TrainedWindows
 from .features import BLOCK, PACKETS, Register, block_energies
 from .networks import Defuzzification, defuzzify, similarity
-from .posterior import DamagePosterior, judge_window, judged_in_slices
+from .posterior import DamagePosterior, judge_window
 from .posterior_artifact import PosteriorArtifact, PosteriorWindow
 
 SNAP = 1e-6  # in sampling steps: a sample due within this is due now, so that rounding does not accumulate
@@ -141,64 +139,11 @@ def window_variables(trained: TrainedWindows) -> tuple[Variable, ...]:
 
 @dataclass(frozen=True, slots=True)
 class WindowState(Generic[Memory, Outputs]):
-    """State of a detector: place in the windows, what it remembers of the running one, outputs of the last that ended.
-
-    Where windows are judged in slices, also the next slice, and what the last one gave to it.
-    """
+    """State of a detector: place in the windows, what it remembers of the running one, outputs of the last that ended."""
 
     clock: Clock
     memory: Memory
     outputs: Outputs
-    next: ca.MX = field(default_factory=ca.MX)
-    live: ca.MX = field(default_factory=ca.MX)
-
-
-@dataclass(frozen=True)
-class Slices(Generic[Window]):
-    """Functions of each other's results that judge a window, one in a step, so that no step is long.
-
-    Attributes
-    ----------
-    windows : sequence of sequence of casadi.Function
-        Of each window: a column to a column; the last one gives the outputs.
-    column : callable
-        Turns what is known of a window, whether it is later than the last one trained, and the parameters, into the column
-        that the first function takes.
-    """
-
-    windows: Sequence[Sequence[ca.Function]]
-    column: Callable[[Window, ca.MX, Values], ca.MX]
-
-    @property
-    def size(self) -> int:
-        """Most elements of a column."""
-        return max(int(each.nnz_in(0)) for functions in self.windows for each in functions)
-
-    def begin(self, window: Window, late: ca.MX, p: Values) -> ca.MX:
-        """Return what the first function takes."""
-        return self._padded(self.column(window, late, p))
-
-    def first(self, case: ca.MX) -> ca.MX:
-        """Return the place of the first function of a window among all."""
-        begins = np.cumsum([0, *map(len, self.windows)])[:-1]
-        return ca.MX(ca.DM(begins))[ca.fmax(case, 0.0)]
-
-    def advance(self, place: ca.MX, column: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
-        """Evaluate a function, none at -1; return its column, whether it was the last of its window, and the next place."""
-        of_all, live = list[ca.Function](), ca.MX.sym("live", self.size)
-        for each in (each for functions in self.windows for each in functions):
-            (result,) = each.call([live[: each.nnz_in(0)]], True, False)  # written here, not called
-            of_all.append(ca.Function(f"slice{len(of_all)}", [live], [self._padded(result)]))
-        same = ca.Function("none", [live], [live])
-        ends = np.cumsum(list(map(len, self.windows))) - 1.0
-        ended = ca.MX(0.0)
-        for end in ends:
-            ended = ca.fmax(ended, place == end)
-        following = ca.if_else(ca.logic_or(ended, place < 0.0), -1.0, place + 1.0)
-        return ca.Function.conditional("slices", of_all, same)(place, column), ended, following
-
-    def _padded(self, column: ca.MX) -> ca.MX:
-        return ca.vertcat(column, ca.MX.zeros(self.size - column.numel()))
 
 
 def window_model(
@@ -208,7 +153,6 @@ def window_model(
     start: tuple[Memory, Outputs],
     advance: Callable[[Memory, Sample], tuple[Memory, Window]],
     judges: Sequence[Callable[[Window, ca.MX, Values], Outputs]],
-    slices: Slices[Window] | None = None,
 ) -> StepModel:
     """Build a detector that judges windows.
 
@@ -227,16 +171,11 @@ def window_model(
     judges : sequence of callable
         Of each window: turns what is known of it, whether it is later than the last one trained, and the parameters, into
         the outputs. The last one judges all later windows.
-    slices : Slices or None
-        In place of the judges: each step after a window evaluates one.
     """
-    last = len(judges if slices is None else slices.windows) - 1
+    last = len(judges) - 1
 
     def init(_: Values, p: Values) -> tuple[WindowState[Memory, Outputs], Results]:
-        state = WindowState(Clock.start(p, trained.sensors), *start)
-        if slices is not None:
-            state = replace(state, next=ca.MX(-1.0), live=ca.MX.zeros(slices.size))
-        return state, results_of(start[1])
+        return WindowState(Clock.start(p, trained.sensors), *start), results_of(start[1])
 
     def step(
         x: WindowState[Memory, Outputs], u: Values, p: Values, h: ca.MX
@@ -244,12 +183,6 @@ def window_model(
         clock, sample = x.clock.advance(u.strain, p, h)
         memory, window = advance(x.memory, sample)
         case = ca.if_else(sample.ends, ca.fmin(x.clock.number, last), -1)
-        if slices is not None:
-            begun = ca.if_else(sample.ends, slices.begin(window, x.clock.number > last, p), x.live)
-            live, ended, following = slices.advance(x.next, x.live)
-            latest = select(ended, unpack(x.outputs, live[: pack(x.outputs).numel()]), x.outputs)
-            after = ca.if_else(sample.ends, slices.first(case), following)
-            return WindowState(clock, memory, latest, after, ca.if_else(sample.ends, begun, live)), results_of(latest)
         judged = [pack(judge(window, x.clock.number > last, p)) for judge in judges]
         latest = unpack(x.outputs, ca.conditional(case, judged, pack(x.outputs), True))
         return WindowState(clock, memory, latest), results_of(latest)
@@ -364,16 +297,13 @@ def detector_model(artifact: DetectorArtifact | None = None, defuzzification: De
     )
 
 
-def posterior_model(artifact: PosteriorArtifact | None = None, most: int | None = None) -> StepModel:
+def posterior_model(artifact: PosteriorArtifact | None = None) -> StepModel:
     """Build the detector from trained posterior networks.
 
     Parameters
     ----------
     artifact : PosteriorArtifact, optional
         Trained networks; by default the nominal training that is shipped with this package.
-    most : int or None
-        Multiplications of numbers of the network in a step: the same answer, to the bit, some steps after its window. None
-        for all in the step that ends it.
 
     Returns
     -------
@@ -399,22 +329,9 @@ def posterior_model(artifact: PosteriorArtifact | None = None, most: int | None 
         register = x.advance(sample.strain, sample.due, sample.number, trained.block)
         return register.restarted(sample.ends), register
 
-    def known(late: ca.MX, p: Values) -> ca.MX:
-        return as_trained(trained, p) if trained.periodic else as_trained(trained, p) * (1.0 - late)
-
     def judge(window: PosteriorWindow, register: Register, late: ca.MX, p: Values) -> DamagePosterior:
-        return judge_window(window, trained.block, *register.features(trained.samples), known(late, p))[0]
-
-    def column(register: Register, late: ca.MX, p: Values) -> ca.MX:
-        x, noise = register.features(trained.samples)
-        return ca.vertcat(ca.vec(x), noise, known(late, p))
-
-    slices = None
-    if most is not None:
-        each = [judged_in_slices(window, trained.block, most) for window in trained.windows]
-        longest = max(map(len, each))
-        require(longest < trained.samples, f"{longest} slices do not fit into {trained.samples} samples. Make them longer.")
-        slices = Slices(each, column)
+        known = as_trained(trained, p) if trained.periodic else as_trained(trained, p) * (1.0 - late)
+        return judge_window(window, trained.block, *register.features(trained.samples), known)[0]
 
     zero, none = ca.MX(0.0), ca.MX.zeros(trained.zones)
     return window_model(
@@ -428,6 +345,5 @@ def posterior_model(artifact: PosteriorArtifact | None = None, most: int | None 
         ),
         (Register.empty(trained.sensors, trained.samples // trained.block), DamagePosterior(none, none, none, zero, zero)),
         advance,
-        [] if slices else [partial(judge, window) for window in trained.windows],
-        slices,
+        [partial(judge, window) for window in trained.windows],
     )

@@ -10,17 +10,16 @@ many cases at once, as training needs it.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import accumulate
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Matrix, Vector
-from ..variables import pack, results_of
+from ..variables import results_of
 from .features import Components, block_means, difference_noise
 from .networks import LEAST_SPREAD, Perceptron, ResidualNetwork
 from .posterior_artifact import HEADS, PosteriorArtifact, PosteriorWindow
@@ -53,57 +52,10 @@ class DamagePosterior:
     valid: ca.MX
 
 
-Judging: TypeAlias = Generator[list[ca.MX], list[ca.MX], tuple[DamagePosterior, ca.MX]]
-Product: TypeAlias = Generator[list[ca.MX], list[ca.MX], list[ca.MX]]
-
-
 def judge_window(
     window: PosteriorWindow, block: int, x: ca.MX, noise: ca.MX, known: ca.MX | float = 1.0
 ) -> tuple[DamagePosterior, ca.MX]:
-    """Write what follows from a window at once, see ``judging``."""
-    stages, values = judging(window, block, x, noise, ca.MX(known)), None
-    while True:
-        try:
-            values = next(stages) if values is None else stages.send(values)
-        except StopIteration as end:
-            judged: tuple[DamagePosterior, ca.MX] = end.value
-            return judged
-
-
-def judged_in_slices(window: PosteriorWindow, block: int, most: int) -> list[ca.Function]:
-    """Write what follows from a window as functions of each other's results, each of some multiplications at most.
-
-    Parameters
-    ----------
-    window, block
-        As of ``judging``.
-    most : int
-        Multiplications of numbers of the network in a function.
-
-    Returns
-    -------
-    list of casadi.Function
-        The first takes block means, shape (sensors M,), noise and ``known`` as one column; the last gives a
-        ``DamagePosterior``.
-    """
-    sensors, M = window.mean.shape
-    column = ca.MX.sym("live", sensors * M + sensors + 1)
-    x, noise, known = ca.vertsplit(column, [0, sensors * M, sensors * M + sensors, column.numel()])
-    stages, found, values = judging(window, block, ca.reshape(x, sensors, M), noise, known, most), list[ca.Function](), None
-    while True:
-        try:
-            results = next(stages) if values is None else stages.send(values)
-        except StopIteration as end:
-            return [*found, ca.Function("slice", [column], [pack(end.value[0])])]
-        found.append(ca.Function("slice", [column], [ca.vertcat(*map(ca.vec, results))]))
-        column = ca.MX.sym("live", found[-1].nnz_out(0))
-        ends = accumulate((each.numel() for each in results), initial=0)
-        parts = ca.vertsplit(column, list(ends))
-        values = [ca.reshape(part, each.shape) for part, each in zip(parts, results, strict=True)]
-
-
-def judging(window: PosteriorWindow, block: int, x: ca.MX, noise: ca.MX, known: ca.MX, most: int | None = None) -> Judging:
-    r"""Write what follows from a window; yield all that is needed later where a step may end, and go on with what is sent.
+    r"""Write what follows from a window.
 
     Parameters
     ----------
@@ -117,8 +69,6 @@ def judging(window: PosteriorWindow, block: int, x: ca.MX, noise: ca.MX, known: 
         Standard deviations [1] of the noise of a sample by fourth differences.
     known : casadi.MX or float, scalar
         1 if the window is one of those that the network was trained for, else 0.
-    most : int or None
-        Multiplications of numbers of the network between two yields; None for any number.
 
     Returns
     -------
@@ -143,35 +93,21 @@ def judging(window: PosteriorWindow, block: int, x: ca.MX, noise: ca.MX, known: 
     components over noise and decoder error; the components over their variances; and the noise by fourth differences, which
     errors of sensors do not raise, over that of the training.
     """
-    lam, freedom = ca.DM(window.variances), degrees_of_freedom(window)
-    swing = ca.sum2(x**2) / x.shape[1] - noise**2 / block
-    alive = ca.mmin(swing - ALIVE * np.mean((window.unit[0] * window.mean) ** 2, axis=1)) >= 0.0
-    c, outside, noise, good = yield from components(window, x, [noise, known * alive], most)
+    lam = ca.DM(window.variances)
+    c, r = components(window, x)
+    outside, freedom = ca.sum2(r**2), degrees_of_freedom(window)
     s2 = ca.sum1(outside) / freedom.sum() + FLOOR**2
     features = ca.vertcat(c * ca.sqrt(lam) / (lam + s2), 0.5 * ca.log10(s2) + 3.5)
     signs = image_signs(window.signs, window.sectors)
-    rest, heads, first = [c, outside, noise, good], list[ca.MX](), list[ca.MX]()
-    columns = [list(range(signs.shape[1]))] if most is None else [[k] for k in range(signs.shape[1])]
-    for each in columns:
-        images = ca.repmat(features, 1, len(each)) * ca.DM(signs[:, each])
-        kept = [features, *heads, *first, *rest]
-        h, out, features, *others = yield from residual_network(window.encoder, images, kept, most)
-        heads, first, rest = [*others[: len(heads)], out], (first and others[len(heads) :][:1]) or [h[:, 0]], others[-4:]
-    c, outside, noise, good = rest
-    s2 = ca.sum1(outside) / freedom.sum() + FLOOR**2
-    all_heads, orders = ca.horzcat(*heads), head_orders(window.images)
-    heads_of_record = sum(all_heads[order.tolist(), k] for k, order in enumerate(orders)) / len(orders)
-    P, m, sd = posterior(*ca.vertsplit(heads_of_record, window.zones))
+    images = ca.repmat(features, 1, signs.shape[1]) * ca.DM(signs)
+    hidden, all_heads = residual_network(window.encoder, images)
+    orders = head_orders(window.images)
+    heads = sum(all_heads[order.tolist(), k] for k, order in enumerate(orders)) / len(orders)
+    P, m, sd = posterior(*ca.vertsplit(heads, window.zones))
     damage = ca.if_else(P >= 0.5, m, 0.0)
-    given = ca.vertcat(damage, ca.DM(window.latent).T @ first[0])
-    decoded = perceptron(window.decoder, given)
-    if most is not None:
-        heads_of_record, decoded, c, outside, noise, good = yield [heads_of_record, decoded, c, outside, noise, good]
-        s2 = ca.sum1(outside) / freedom.sum() + FLOOR**2
-        P, m, sd = posterior(*ca.vertsplit(heads_of_record, window.zones))
-        damage = ca.if_else(P >= 0.5, m, 0.0)
+    given = ca.vertcat(damage, ca.DM(window.latent).T @ hidden[:, 0])
     largest = c[explained(window.variances, window.scales.size).tolist()]
-    left = ca.DM(window.directions).T @ (largest - decoded * ca.DM(window.scales))
+    left = ca.DM(window.directions).T @ (largest - perceptron(window.decoder, given) * ca.DM(window.scales))
     ratios = ca.vertcat(
         ca.mmax(outside / ca.DM(freedom) / ((noise / window.unit[0]) ** 2 / block + window.rest[0] ** 2)),
         ca.sum1(left**2 / (s2 + ca.DM(window.errors) ** 2)) / left.numel(),
@@ -181,41 +117,25 @@ def judging(window: PosteriorWindow, block: int, x: ca.MX, noise: ca.MX, known: 
     other = ca.if_else(ca.fmin(P, 1.0 - P) > SMALL_CHANCE, m / 3.0 + (P < 0.5) * sd, 0.0)
     deviation = ca.fmax(ca.sqrt(P * sd**2 + P * (1.0 - P) * m**2), other)
     misfit = ca.mmax(ratios / ca.DM(window.limits))
-    return DamagePosterior(damage, deviation, P, misfit, good * (misfit <= 1.0)), ratios
+    swing = ca.sum2(x**2) / x.shape[1] - noise**2 / block
+    alive = ca.mmin(swing - ALIVE * np.mean((window.unit[0] * window.mean) ** 2, axis=1)) >= 0.0
+    return DamagePosterior(damage, deviation, P, misfit, known * alive * (misfit <= 1.0)), ratios
 
 
-def product(W: Matrix, h: ca.MX, kept: list[ca.MX], most: int | None) -> Product:
-    """Write the product of a matrix and columns, row by row so far as it is long; return it before what is kept."""
-    rows = W.shape[0] if most is None else max(1, most // (W.shape[1] * h.shape[1]))
-    found: list[ca.MX] = []
-    for begin in range(0, W.shape[0], rows):
-        if begin:
-            values = yield [*found, h, *kept]
-            found, h, kept = values[: len(found)], values[len(found)], values[len(found) + 1 :]
-        found.append(ca.DM(W[begin : begin + rows]) @ h)
-    if most is not None:
-        values = yield [*found, *kept]
-        found, kept = values[: len(found)], values[len(found) :]
-    return [ca.vertcat(*found), *kept]
-
-
-def residual_network(arrays: Sequence[Matrix], x: ca.MX, kept: list[ca.MX], most: int | None) -> Product:
-    """Write the last values and the outputs of ``ResidualNetwork``, a column per column of its inputs; see ``product``."""
+def residual_network(arrays: Sequence[Matrix], x: ca.MX) -> tuple[ca.MX, ca.MX]:
+    """Write the last values and the outputs of ``ResidualNetwork``, a column per column of its inputs."""
 
     def silu(a: ca.MX) -> ca.MX:
         return a / (1.0 + ca.exp(-a))
 
-    layers = [(W.T, ca.DM(b)) for W, b in zip(arrays[::2], arrays[1::2], strict=True)]
-    a, *kept = yield from product(layers[0][0], x, kept, most)
-    h = silu(a + layers[0][1])
+    layers = [(ca.DM(W).T, ca.DM(b)) for W, b in zip(arrays[::2], arrays[1::2], strict=True)]
+    h = silu(layers[0][0] @ x + layers[0][1])
     mean, ones = ca.DM.ones(1, h.shape[0]) / h.shape[0], ca.DM.ones(h.shape[0], 1)
     for W, b in layers[1:-1]:
         centred = h - ones @ (mean @ h)
         y = centred / (ones @ ca.sqrt(mean @ centred**2 + LEAST_SPREAD))
-        a, h, *kept = yield from product(W, y, [h, *kept], most)
-        h = h + silu(a + b)
-    a, h, *kept = yield from product(layers[-1][0], h, [h, *kept], most)
-    return [h, a + layers[-1][1], *kept]
+        h = h + silu(W @ y + b)
+    return h, layers[-1][0] @ h + layers[-1][1]
 
 
 def perceptron(arrays: Sequence[Matrix], x: ca.MX) -> ca.MX:
@@ -252,25 +172,16 @@ def image_signs(signs: Matrix, sectors: Vector) -> Matrix:
     return np.vstack([signs[:, sectors.astype(int)].T, np.ones(len(signs))])
 
 
-def components(window: PosteriorWindow, x: ca.MX, kept: list[ca.MX], most: int | None) -> Product:
-    """Write the components of block means, shape (K,), and squares of what they leave of them, shape (sensors,)."""
+def components(window: PosteriorWindow, x: ca.MX) -> tuple[ca.MX, ca.MX]:
+    """Write the components of block means, shape (K,), and what they leave of them, shape (sensors, M)."""
     y = ca.DM(window.modes) @ (x / window.unit[0] - ca.DM(window.mean))
-    parts, left = list[ca.MX](), list[ca.MX]()
+    parts, left = [], []
     for sector in range(len(window.modes)):
-        axes, k = window.axes[:, window.sectors == sector], len(left)
-        if not axes.size:
-            parts, left = [*parts, ca.MX(0, 1)], [*left, y[sector, :]]
-            continue
-        part, y, *others = yield from product(axes.T, y[sector, :].T, [y, *parts, *left, *kept], most)
-        parts, left, kept = [*others[: len(parts)], part], others[len(parts) :][:k], others[len(parts) + k :]
-        near, y, *others = yield from product(axes, part, [y, *parts, *left, *kept], most)
-        parts, left, kept = (
-            others[: len(parts)],
-            [*others[len(parts) :][:k], y[sector, :] - near.T],
-            others[len(parts) + k :],
-        )
-    outside = ca.DM(window.modes).T @ ca.vertcat(*left)
-    return [ca.vertcat(*parts), ca.sum2(outside**2), *kept]
+        axes = window.axes[:, window.sectors == sector]
+        V = ca.MX(ca.DM(axes))  # one constant for both products
+        parts.append(y[sector, :] @ V if axes.size else ca.MX(1, 0))
+        left.append(y[sector, :] - (V @ parts[-1].T).T if axes.size else y[sector, :])
+    return ca.horzcat(*parts).T, ca.DM(window.modes).T @ ca.vertcat(*left)
 
 
 def judge_records(artifact: PosteriorArtifact, number: int, records: Matrix) -> dict[str, Matrix]:
