@@ -231,7 +231,7 @@ def test_a_film_of_scaled_inertia_on_booms_of_true_inertia_swings_as_it_does_uns
         histories.append(np.array(rows))
         steps.append(run.get("max_step"))
     size = np.abs(histories[0]).max()
-    assert np.abs(histories[1] - histories[0]).max() < 2e-3 * size
+    assert 1e-9 * size < np.abs(histories[1] - histories[0]).max() < 2e-3 * size  # it is scaled, and that changes little
     assert histories[0].min() < -0.5 * size
     assert steps[1] >= steps[0]
 

@@ -104,8 +104,11 @@ class Shape:
         ):
             msg = "its nodes do not fit the states"
             raise ValueError(msg)
-        last = max(faces.max(initial=0), self._surface.segments.max(initial=0))
-        if faces.ndim != 2 or faces.shape[1] != 4 or last >= len(nodes) or faces[:, :3].min(initial=0) < 0:
+        segments, zones = self._surface.segments, self._surface.segment_zone
+        pairs = segments.ndim == 2 and segments.shape[1] == 2 and zones.shape == segments[:, 0].shape
+        last = max(faces.max(initial=0), segments.max(initial=0))
+        first_node = min(faces[:, :3].min(initial=0) if faces.ndim == 2 else -1, segments.min(initial=0))
+        if first_node < 0 or faces.shape[1] != 4 or last >= len(nodes) or not pairs:
             msg = "its faces or segments name nodes that it lacks"
             raise ValueError(msg)
 
