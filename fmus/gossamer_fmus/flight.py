@@ -94,7 +94,6 @@ def golden_vectors(model: StepModel, sensor: StepModel | None) -> tuple[tuple[Ve
     ramp = np.interp(k, [0, 80, 110, 190, GOLDEN_STEPS], [0.04, 0.60, 0.60, 0.24, 0.24])
     strain = ramp + 0.02 * np.sin(2.0 * np.pi * 20.0 * PERIOD * k)  # over full scale
     stepper = Stepper(model)
-    stepper.warn = lambda _: None
     if sensor is not None:
         full = next(v.start for v in sensor.variables if v.name == "full_scale_strain")
         drive = Stepper(sensor)
@@ -112,7 +111,7 @@ def golden_vectors(model: StepModel, sensor: StepModel | None) -> tuple[tuple[Ve
 
 def vectors_of(stepper: Stepper, table: Vector, period: float = PERIOD) -> tuple[tuple[Vector, Vector], Vector]:
     """Return the parameters of a stepper and inputs, shape (steps + 1, n_inputs), and the results of its model."""
-    model = stepper.model
+    model, stepper.warn = stepper.model, lambda _: None  # golden inputs need not be what a model is for
     parameters, inputs, results = model.slices()
     given = {v.name: table[:, i] for i, v in enumerate(model.variables[inputs])}
     rows = np.array(list(_driven(stepper, model.names[results], given, period)))

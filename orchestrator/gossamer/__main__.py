@@ -14,9 +14,7 @@ from gossamer_files import ending_signals
 
 INTERRUPTED = 130  # exit code
 LATER = 0.003  # [s]
-LOST = (
-    60.0  # [s] after which a command that goes on is interrupted once more: destructors and libraries pass over exceptions
-)
+LOST = 60.0  # [s] after which a command that goes on is interrupted once more: destructors pass over exceptions
 
 
 def interrupt(number: int, frame: FrameType | None) -> None:

@@ -185,6 +185,4 @@ def _watch(setup: AnyPath | None, noise: float) -> tuple[StepModel, tuple[Vector
 
     stored = stored_responses(None if setup is None else load_structure(setup))
     model = watch_model(stored, noise)
-    stepper = Stepper(model)
-    stepper.warn = lambda _: None
-    return model, *vectors_of(stepper, example_strain(stored, noise).T, stored.step), stored.step
+    return model, *vectors_of(Stepper(model), example_strain(stored, noise).T, stored.step), stored.step

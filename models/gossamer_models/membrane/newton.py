@@ -145,8 +145,8 @@ class Newton:
         f, left = self.left(u, p, q)
         if left == np.inf:
             return None
+        K = self.stiffened(u, p, q)
         for _ in range(MOST_STEPS):
-            K = self.stiffened(u, p, q)
             step = splu(self._shifted(K, mu)).solve(f)
             falls = f @ step
             if left <= 1.0 and falls == 0.0:  # forces that are nothing
@@ -170,6 +170,7 @@ class Newton:
             if left <= 1.0 and left_to >= left:
                 return q
             q, f, left, mu = to, f_to, left_to, _FALL * mu if mu > _LEAST_SHIFT else 0.0
+            K = self.stiffened(u, p, q)
         return q if left <= 1.0 else None
 
     def reach(self, u: Vector, p: Vector, known: Known) -> Vector | None:

@@ -75,16 +75,16 @@ def test_so_it_does_for_a_processor_in_the_loop(tmp_path, monkeypatch):
     assert "a processor in the loop needs make, gcc-arm-none-eabi" in result.output
 
 
-def test_a_watch_and_the_others_have_options_of_their_own():
-    result = invoke(["flight", "watch", "--artifact", "sensor.json"])
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("watch --artifact sensor.json", "--artifact has no meaning for a watch"),
+        ("compensator --noise 0.002", "--noise has no meaning for a compensator"),
+        ("watch --noise 0", "must be larger than 0"),
+        ("watch --framework cfs", "a period of its own"),
+    ],
+)
+def test_a_watch_and_the_others_have_options_of_their_own(words, message):
+    result = invoke(["flight", *words.split()])
     assert result.exit_code == 1
-    assert "--artifact has no meaning for a watch" in result.output
-    result = invoke(["flight", "compensator", "--noise", "0.002"])
-    assert result.exit_code == 1
-    assert "--noise has no meaning for a compensator" in result.output
-    result = invoke(["flight", "watch", "--noise", "0"])
-    assert result.exit_code == 1
-    assert "must be larger than 0" in result.output
-    result = invoke(["flight", "watch", "--framework", "cfs"])
-    assert result.exit_code == 1
-    assert "a period of its own" in result.output
+    assert message in result.output
