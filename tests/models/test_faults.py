@@ -17,6 +17,7 @@ from gossamer_models.membrane import (
 )
 from gossamer_models.mistakes import DescriptionError
 from gossamer_models.twin import MembraneForward, ResponseRecord, StaticRecord, Twin, inspect, known_faults
+from gossamer_models.twin.faults import with_faults
 from oracles.meshes import disc, meshed
 
 COARSE = square_structure(4, 1)  # twin and truth have the same mesh, so that a simulation costs little
@@ -170,12 +171,19 @@ def test_a_setup_may_describe_faults_of_its_own():
     assert read == pytest.approx(MembraneForward(structure).states(np.zeros((1, 3)), {}, loaded), abs=1e-12)
 
 
-def test_slopes_of_equilibria_have_faults():
-    forward = MembraneForward(film(), faults=known_faults(film())[:1])
-    slopes = forward.state_slopes(np.array([0.1, 0.0, 0.0, 0.05]), {}, PRESSURES)
-    near = forward.states(np.array([[0.1, 0.0, 0.0, 0.05], [0.1, 0.0, 0.0, 0.0501]]), {}, PRESSURES)
-    assert slopes.shape == (4, 4, 4)
-    assert slopes[3] == pytest.approx((near[1] - near[0]) / 1e-4, rel=1e-3)
+def test_slopes_of_equilibria_by_faults_are_those_of_differences():
+    """Two faults change the same pressure, one a modulus, one a sensor: of loads, of parameters and of readings."""
+    pump = Fault(name="pump stuck", parameter="pressure", change="rises", most=0.5, probability=0.2)
+    structure = film((pump,))
+    forward = with_faults(MembraneForward(structure), known_faults(structure))
+    share = np.r_[0.1, 0.05, 0.02, np.linspace(0.02, 0.2, len(forward.faults))]
+    slopes = forward.state_slopes(share, {"youngs_modulus[1]": 1.1 * forward.parameters["youngs_modulus[1]"]}, PRESSURES)
+    step = 1e-5 * np.eye(share.size)
+    rows = np.concatenate([share + step, share - step])
+    given = {"youngs_modulus[1]": np.full(len(rows), 1.1 * forward.parameters["youngs_modulus[1]"])}
+    ahead, behind = np.split(forward.states(rows, given, PRESSURES), 2)
+    assert {"pressure", "sensor[1]"} <= {each.parameter for each in forward.faults}
+    assert slopes == pytest.approx((ahead - behind) / 2e-5, rel=1e-4, abs=1e-7)
 
 
 def test_what_is_no_fault_is_refused():

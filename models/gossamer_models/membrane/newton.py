@@ -66,18 +66,24 @@ class Newton:
         shared = equations.shared(by_name_u, by_name_p, ca.MX(0.0), equations.gas_of_start(by_name_u))
         K = tangent(equations, x, shared, by_name_u, by_name_p)[self.free.tolist(), self.free.tolist()]
         self._has_beams = bool(structure.setup.beams)
-        self._tangent = ca.Function("tangent", arguments, [K])
+        self._tangent = ca.Function("tangent", arguments, [ca.vertcat(K.nz[:])])  # in the order of scipy
+        self._pattern = np.array(K.sparsity().row()), np.array(K.sparsity().colind())
+        columns = np.repeat(np.arange(len(self.free)), np.diff(self._pattern[1]))
+        self._diagonal = np.flatnonzero(self._pattern[0] == columns)
 
     def tangent(self, u: Vector, p: Vector, q: Vector) -> scipy.sparse.csc_matrix:
         """Return K [N/m] for the free displacements."""
-        return scipy.sparse.csc_matrix(self._tangent(u, p, q).sparse())
+        shape = (len(self.free), len(self.free))
+        return scipy.sparse.csc_matrix((column(self._tangent(u, p, q)), *self._pattern), shape=shape)
 
     def stiffened(self, u: Vector, p: Vector, q: Vector) -> scipy.sparse.csc_matrix:
         """Return the tangent that can be factored where the film is slack."""
         return self._shifted(self.tangent(u, p, q), SOFTEST_BEAM if self._has_beams else SOFTEST)
 
     def _shifted(self, K: scipy.sparse.csc_matrix, mu: float) -> scipy.sparse.csc_matrix:
-        return scipy.sparse.csc_matrix(K + scipy.sparse.diags(mu * self._stiffness[self.free], format="csc"))
+        found = K.copy()
+        found.data[self._diagonal] += mu * self._stiffness[self.free]
+        return found
 
     def left(self, u: Vector, p: Vector, q: Vector) -> tuple[Vector, float]:
         """Return the forces on free displacements [N], and the largest over what is accepted."""

@@ -30,7 +30,6 @@ LANES = 8  # cases that advance at once
 WORKERS = os.cpu_count() or 1  # threads of a simulation of many cases
 MEMORY = 2**24  # numbers of one recording
 MOST_NODES = 6000  # of a finer mesh
-FAULT_STEP = 1e-4  # of the share of a fault, for differences of equilibria
 
 
 class Forward(Protocol):
@@ -193,7 +192,7 @@ class MembraneForward:
         z, moved, load = self.structure.n_zones, dict(parameters), dict(histories)
         keeps = np.ones((len(damage), self.sensors))
         for fault, (sensor, names), share in zip(self.faults, self._acts_on, damage[:, z:].T, strict=True):
-            factor = 1.0 - share if fault.change == "falls" else 1.0 + share
+            factor = 1.0 + _sign(fault) * share
             if sensor is not None:
                 keeps[:, sensor] *= factor
             for name in names:
@@ -244,14 +243,23 @@ class MembraneForward:
         given = {name: np.array([value]) for name, value in parameters.items()}
         of_zones, given, acting, keeps = self.acted(damage[None], given, histories)
         found = self._at_rest(of_zones, given, acting)
+        n_zones = self.structure.n_zones
+        moved = list(dict.fromkeys(name for _, names in self._acts_on for name in names))
         with self._solving:
-            by_damage = self._equilibrium.derivatives(found, ["damage"]).strain
-        slopes: Matrix = keeps[0][None, :, None] * np.moveaxis(by_damage, 0, 2)
-        if not self.faults:
-            return slopes
-        rows = np.vstack([damage, *(damage + FAULT_STEP * unit for unit in np.eye(damage.size)[len(slopes) :])])
-        states = self.states(rows, {name: np.full(len(rows), value) for name, value in parameters.items()}, histories)
-        return np.concatenate([slopes, (states[1:] - states[0]) / FAULT_STEP])
+            derivatives = self._equilibrium.derivatives(found, ["damage", *moved])
+        slopes = np.moveaxis(derivatives.strain, 0, 2)
+        by_damage, by_name = slopes[:n_zones], dict(zip(moved, slopes[n_zones:], strict=True))
+        strain = found.strain.T
+        by_fault = []
+        for fault, (sensor, names), share in zip(self.faults, self._acts_on, damage[n_zones:], strict=True):
+            relative = _sign(fault) / (1.0 + _sign(fault) * share)  # of what it acts on
+            own = np.zeros_like(strain)
+            if sensor is not None:
+                own[sensor] = strain[sensor]
+            for name in names:
+                own = own + acting.get(name, given[name]) * by_name[name]
+            by_fault.append(relative * own)
+        return np.asarray(keeps[0][:, None] * np.concatenate([by_damage, np.array(by_fault).reshape(-1, *strain.shape)]))
 
     def begin(self, damage: Vector, parameters: Mapping[str, float]) -> tuple[BatchState, Vector]:
         """Return the state of rest of one case, and the strain [1] there, see ``Forward``."""
@@ -300,6 +308,11 @@ class MembraneForward:
         start |= {name: np.broadcast_to(values, (m, k)).ravel() for name, values in histories.items()}
         with self._solving:  # it keeps what it has found
             return self._equilibrium.solve({**self._given, **start, "damage": np.repeat(damage, k, axis=0)})
+
+
+def _sign(fault: Fault) -> float:
+    """Return what a share of a fault of 1 changes of what it acts on, relatively."""
+    return -1.0 if fault.change == "falls" else 1.0
 
 
 def side_by_side(what: Callable[[S], T], each: Sequence[S]) -> list[T]:

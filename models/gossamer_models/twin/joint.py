@@ -129,6 +129,11 @@ class JointProblem(LeastSquares):
         return sum(problem.log_determinant for problem in self.problems)
 
     @property
+    def at_once(self) -> bool:
+        """Whether some predictions cost little more than one."""
+        return any(problem.at_once for problem in self.problems)
+
+    @property
     def modulus(self) -> int | None:
         """Which unknown is the factor on Young's modulus, where the first ones are whole damages."""
         return None if self.before or MODULUS not in self.shared else self.zones + self.shared.index(MODULUS)

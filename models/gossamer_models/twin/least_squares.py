@@ -25,6 +25,7 @@ DAMAGE_STEP = 2e-3  # of finite differences
 DAMPINGS = np.array([0.0, 1e-3, 1e-2, 0.05, 0.2, 1.0, 5.0, 50.0])  # one for each lane
 NEGLIGIBLE = 0.02  # of chi2: no damage moves by more than a seventh of its deviation
 LINEAR = 0.9  # share of what the model promised
+WORTHWHILE = 0.5  # share of it with which no other damping is tried, where each costs as much as the first
 LITTLE = 0.1  # share of it with which no more is gained: chi2 of sensors with plays has edges
 FAR = 3.0  # chi2 per value of a record that is not explained
 ROUGHLY = 0.1  # share of what is above this that is not worth a step
@@ -147,6 +148,11 @@ class LeastSquares(ABC):
     steps: Vector
     simulated: int
 
+    @property
+    def at_once(self) -> bool:
+        """Whether some predictions cost little more than one, as those in motion do in the lanes of a processor."""
+        return True
+
     @abstractmethod
     def predict(self, x: Matrix) -> Matrix:
         """Simulate rows of unknowns, shape (m, n); return histories, shape (m, sensors, samples)."""
@@ -253,7 +259,7 @@ def descend(problem: LeastSquares, start: Vector, free: Rows, most: int = 12, en
             break
         trials = np.repeat(point.x[None], len(moves), axis=0)
         trials[:, free] = np.clip(trials[:, free] + moves, problem.low[free], problem.high[free])
-        best = min(problem.points(trials), key=lambda trial: trial.chi2)
+        best = _likeliest(problem, trials, point.chi2 - WORTHWHILE * promised)
         gained = point.chi2 - best.chi2
         if gained > 0.0:
             point = best
@@ -264,3 +270,15 @@ def descend(problem: LeastSquares, start: Vector, free: Rows, most: int = 12, en
             J = problem.derivatives(point, free)
         model = problem.about(point, free, J)
     return Minimum(point=point, J=J, model=model)
+
+
+def _likeliest(problem: LeastSquares, trials: Matrix, enough: float) -> Point:
+    """Return the likeliest of rows of unknowns; where each costs as much as the first, the first whose chi2 is enough."""
+    if problem.at_once:
+        return min(problem.points(trials), key=lambda trial: trial.chi2)
+    best = problem.points(trials[:1])[0]
+    for trial in trials[1:]:
+        if best.chi2 <= enough:
+            break
+        best = min(best, problem.points(trial[None])[0], key=lambda trial: trial.chi2)
+    return best

@@ -222,6 +222,11 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         return self._made[0]
 
     @property
+    def at_once(self) -> bool:
+        """Whether some predictions cost little more than one."""
+        return not isinstance(self.record, StaticRecord)
+
+    @property
     def in_time(self) -> bool:
         """Whether the values of a sensor follow each other in time."""
         return self._splines is None and not isinstance(self.record, StaticRecord)
