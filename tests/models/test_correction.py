@@ -99,13 +99,21 @@ def test_what_is_added_follows_the_finer_mesh_to_first_order(strain, learned):
     x[:16] = DAMAGE
     point = problem.points(x[None])[0]
     modulus = 16 + problem.nuisances.simulated.index("modulus")
-    finer = problem.corrected(twin._finer_square, point, np.append(np.flatnonzero(DAMAGE), modulus), problem.components)
+    moving = np.append(np.flatnonzero(DAMAGE), modulus)
+    finer = problem.corrected(twin._finer_square, point, moving, moving, problem.components)
     moved = x.copy()
     moved[[5, 10, modulus]] += [0.01, -0.01, 0.03]
+    near, far = problem.points(np.vstack([moved, np.where(x, 2.0 * x, x)]))
+    at_near = finer.corrected(twin._finer_square, near, moving, moving, problem.components)
+    at_far = finer.corrected(twin._finer_square, far, moving, moving, problem.components)
+    assert at_near.added.slopes is finer.added.slopes
+    assert at_far.added.slopes is not finer.added.slopes
+    assert not finer.added.serves(near.x, np.array([0, *moving]))
     alone = Twin(twin._finer_square, discrepancy=None)._problem(record(strain, 4))
     exact = alone.predict(np.vstack([x, moved]))[:, :, :STEPS]
     read = finer.predict(np.vstack([x, moved]))[:, :, :STEPS]
     np.testing.assert_allclose(read[0], exact[0], atol=1e-12)
+    np.testing.assert_allclose(at_near.predict(moved[None])[0, :, :STEPS], exact[1], atol=1e-12)
     change = np.abs(exact[1] - exact[0]).max()
     assert np.abs(read[1] - exact[1]).max() < 0.02 * change
     coarse = problem.predict(np.vstack([x, moved]))[:, :, :STEPS]

@@ -148,19 +148,17 @@ def calibrate(
         if PLACES[0] in map(number_of, names):
             joint = joint.placed(found.point.x, twin.placed)
             found = descend(joint, found.point.x, healthy)
-        unsettled = list[str]()
-        for k in range(ROUNDS):
+        finer = [twin.finer(problem) for problem in joint.problems]
+        settled = not any(finer)
+        for k in range(0 if settled else ROUNDS):
             report(f"fitting, finer mesh {k + 1} of {ROUNDS}")
-            finer = joint.corrected(found.point.x, healthy, twin.finer)
-            if finer is None:
-                break
-            joint, before_it = finer, found.point.x[healthy]
+            joint, before_it = joint.corrected(found.point.x, healthy, healthy, finer), found.point.x[healthy]
             found = descend(joint, found.point.x, healthy)
             moved = found.point.x[healthy] - before_it
-            if moved @ found.model.A @ moved < SETTLED:
+            settled = bool(moved @ found.model.A @ moved < SETTLED)
+            if settled:
                 break
-        else:
-            unsettled.append(f"the numbers still move after {ROUNDS} rounds with finer elements. Refine the mesh")
+        unsettled = [f"the numbers still move after {ROUNDS} rounds with finer elements. Refine the mesh"] * (not settled)
         coarse = [k for k, problem in enumerate(joint.problems, 1) if problem.added is None] if mesh_error else []
         text = "no finer elements were simulated for record {}: what they would change is not known, or nothing"
         done = _told(joint, found, before, twin, [text.format(k) for k in coarse])

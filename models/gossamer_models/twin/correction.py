@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from ..arrays import Matrix, Vector
 from ..errors import ConvergenceError
 from .forward import Forward
-from .least_squares import descend
+from .least_squares import Point, descend
 from .oddities import chi2_bound
 from .problem import RecordProblem
-from .search import FEW_STEPS, Fit, again, with_rivals
+from .record import StaticRecord
+from .search import FEW_STEPS, Fit, again, misfit, with_rivals
 
 HOPELESS = 3.0  # chi2 per sample that no finer mesh explains
 ROUNDS = 5
@@ -22,6 +23,10 @@ CLEAR = 3.0  # errors of the mesh over noise with which chi2 tells which mesh ma
 PLACES = 15  # unknowns that the finer mesh is differentiated by, unless more are kept: two runs of eight lanes
 UNSEEN = 1e-12  # curvature: such a zone moves no sensor
 SETTLED = 0.5  # deviations of a damage: a round that moves none by more is the last
+SAME_NOISE = 0.9  # share of the noise below which what a fit leaves is another noise
+# deviations of chi2 from the expected one below which what is fast in a membrane was taken for noise, and chi2 per sample
+# below which there is no noise at all
+OVERRATED, CLEAN = -2.0, 0.1
 
 
 def corrected(fit: Fit, finer: Forward, components: Matrix, noise: Vector, *, sparse: bool, simulated: bool) -> Fit:
@@ -62,7 +67,7 @@ def corrected(fit: Fit, finer: Forward, components: Matrix, noise: Vector, *, sp
         return again(fit, own, sparse=sparse, hopeless=hopeless)
     for k in range(ROUNDS):
         try:
-            problem = problem.corrected(finer, found.point, differentiated(found), components)
+            problem = problem.corrected(finer, found.point, *differentiated(found), components)
         except ConvergenceError:
             break
         before, found = found, again(found, problem, sparse=sparse, rounds=1, rivals=False)  # scales: once a round
@@ -84,16 +89,28 @@ def corrected(fit: Fit, finer: Forward, components: Matrix, noise: Vector, *, sp
     return replace(found, vague=move) if found is not fit and found.unlikely < plain.unlikely else plain
 
 
-def differentiated(fit: Fit) -> NDArray[np.int64]:
-    """Return the simulated unknowns that are kept, all faults, and of the dropped damages those by which chi2 falls most.
+def noise_left(problem: RecordProblem, point: Point) -> Vector:
+    """Return the noise that a point leaves of a record, shape (s,), or that which it was weighed by where that is known."""
+    if problem.record.noise is not None or isinstance(problem.record, StaticRecord):
+        return problem.noise
+    noise = np.fmin(problem.noise, problem.record.noise_deviation(problem.reading(point)))
+    per_sample = point.chi2 / problem.values
+    overrated = misfit(problem, point) < OVERRATED and per_sample > CLEAN and len(problem.components)
+    return np.fmin(noise, problem.noise * math.sqrt(per_sample)) if overrated and problem.sensor_error is None else noise
 
+
+def differentiated(fit: Fit) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return unknowns by which a finer mesh is differentiated, and those of them that are needed.
+
+    Needed are the simulated ones that are kept, and all faults; the others are the dropped damages by which chi2 falls most.
     Faults are few, and one that the coarse mesh tells wrongly would never be looked at.
     """
     gain = np.maximum(fit.model.g, 0.0) ** 2 / np.maximum(np.diag(fit.model.A), UNSEEN)  # dropped damages may only rise
     unknowns = np.arange(fit.kept.size)
     always = fit.kept | ((unknowns >= fit.problem.whole) & (unknowns < fit.problem.zones))
     gain = np.where(always, np.inf, gain)[: fit.problem.simulated]
-    return np.sort(np.argsort(-gain, kind="stable")[: max(PLACES, np.count_nonzero(always[: gain.size]))])
+    needed = np.flatnonzero(always[: gain.size])
+    return np.sort(np.argsort(-gain, kind="stable")[: max(PLACES, needed.size)]), needed
 
 
 def _made_by(own: RecordProblem, fit: Fit) -> bool:

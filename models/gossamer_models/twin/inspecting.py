@@ -19,8 +19,7 @@ from threadpoolctl import threadpool_limits
 from ..arrays import Matrix, Rows, Vector
 from ..errors import ConvergenceError, DataError, require
 from .answer import Answer, ZonesFound, covariance_over, names_of, of_record, order_of, together_with, untold_zones
-from .correction import SETTLED, differentiated, moved
-from .forward import Forward
+from .correction import SAME_NOISE, SETTLED, differentiated, moved, noise_left
 from .groups import groups_of
 from .joint import Before, JointProblem
 from .least_squares import Quadratic, bounded_minimum
@@ -34,7 +33,7 @@ from .zone_sets import drop_zones
 
 HEALED = 4.0  # deviations by which a zone that a record finds less damaged than the last inspection is named
 OF_ALL = (*NUMBERS, *LASTING)  # nuisances that are the same in all records
-ROUNDS = 4  # of a finer mesh
+ROUNDS = 6  # of a finer mesh
 UNSEEN = 1e-9  # of curvature: of what no record tells
 
 
@@ -165,7 +164,7 @@ def inspect(
     earlier = Earlier.of(since) if isinstance(since, Answer) else since
     before = None if earlier is None else earlier.before(twin.names, repaired, len(twin.faults))
     with threadpool_limits(1):
-        alone = [twin.alone(record, report) for record in records]
+        alone = [twin.alone(record, report, corrects=False) for record in records]
         fit = _together(twin, alone, before)
         unresolved = untold_zones(fit)
         if before is None:
@@ -174,12 +173,8 @@ def inspect(
 
 
 def _together(twin: Twin, alone: Sequence[Alone], before: Before | None) -> Fit:
-    """Fit all records from what they say by themselves, with finer meshes where they had them."""
+    """Fit all records from what they say by themselves, then with finer meshes where they need them."""
     problems, sparse = [each.fit.problem for each in alone], twin.sparse
-
-    def finer(problem: RecordProblem) -> tuple[Forward, Matrix] | None:
-        return None if problem.added is None else twin.finer(problem)
-
     there = dict.fromkeys(name for problem in problems for name in problem.nuisances.names)
     joint = JointProblem(problems, [name for name in there if number_of(name) in OF_ALL], before=before)
     whole = cast(RecordProblem, joint)  # it has all that a search needs of one
@@ -194,21 +189,20 @@ def _together(twin: Twin, alone: Sequence[Alone], before: Before | None) -> Fit:
         msg = "the twin's membrane fails where it should explain all records. Check their loads."
         raise ConvergenceError(msg)
     fit = min(ends, key=lambda end: (not end.passes, end.worth))
-    move = np.zeros(joint.zones)
-    for _ in range(ROUNDS):
-        moving = np.isin(np.arange(joint.size), differentiated(fit))
+    move, finer, noise = np.zeros(joint.zones), [each.finer for each in alone], [each.noise for each in alone]
+    for _ in range(ROUNDS if any(finer) else 0):
+        moving, needed = (np.isin(np.arange(joint.size), which) for which in differentiated(fit))
         try:
-            refined = joint.corrected(fit.point.x, moving, finer)
+            joint = joint.corrected(fit.point.x, moving, needed, finer, noise)
         except ConvergenceError:
             break
-        if refined is None:
-            break
-        last, joint = fit, refined
-        fit = again(fit, cast(RecordProblem, joint), sparse=sparse, rivals=False)
+        last, fit = fit, again(fit, cast(RecordProblem, joint), sparse=sparse, rivals=False)
         if fit is last:  # it failed
             break
+        noise = [noise_left(problem, joint.point(k, fit.point.x)) for k, problem in enumerate(joint.problems)]
+        same = all(np.nanmin(new / problem.noise) >= SAME_NOISE for new, problem in zip(noise, joint.problems, strict=True))
         move = np.abs(fit.point.x - last.point.x)[: joint.zones]
-        if moved(last, fit) < SETTLED:
+        if same and moved(last, fit) < SETTLED:
             move = np.zeros(joint.zones)
             break
     fit = replace(fit, vague=move)

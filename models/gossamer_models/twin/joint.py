@@ -184,9 +184,14 @@ class JointProblem(LeastSquares):
         return JointProblem(found, self.shared, self.groups, self.before)
 
     def corrected(
-        self, x: Vector, moving: Rows, finer: Callable[[RecordProblem], tuple[Forward, Matrix] | None]
-    ) -> JointProblem | None:
-        """Return the same with what a finer mesh adds about unknowns; None where no record has one.
+        self,
+        x: Vector,
+        moving: Rows,
+        needed: Rows,
+        finer: Sequence[tuple[Forward, Matrix] | None],
+        noise: Sequence[Vector] | None = None,
+    ) -> JointProblem:
+        """Return the same with what a finer mesh adds about unknowns, and under other noise.
 
         Parameters
         ----------
@@ -194,17 +199,25 @@ class JointProblem(LeastSquares):
             Where the finer mesh is simulated.
         moving : ndarray of bool, shape (size,)
             Unknowns by which it is differentiated.
-        finer : callable
-            Returns the finer mesh of a record, and components of the error that is left there; None if it has none.
+        needed : ndarray of bool, shape (size,)
+            Those of them without which derivatives that were taken nearby do not serve again.
+        finer : sequence of tuple or None
+            The finer mesh of each record, and components of the error that is left there; None if it has none.
+        noise : sequence of ndarray, shape (s,), or None
+            That of each record, in its unit; None for the same.
+
+        Raises
+        ------
+        ConvergenceError
+            A finer mesh fails there.
         """
         found = []
-        for k, problem in enumerate(self.problems):
-            mesh = finer(problem)
+        for k, (problem, mesh) in enumerate(zip(self.problems, finer, strict=True)):
             if mesh is None:
                 found.append(problem)
                 continue
-            of_record = np.flatnonzero(self.maps[k][1][: problem.simulated, moving].any(axis=1))
-            found.append(problem.corrected(mesh[0], self.point(k, x), of_record, mesh[1]))
-        if all(problem.added is None for problem in found):
-            return None
+            of_record = self.maps[k][1][: problem.simulated]
+            by, own = (np.flatnonzero(of_record[:, each].any(axis=1)) for each in (moving, needed))
+            under = problem if noise is None else problem.under(noise[k])
+            found.append(under.corrected(mesh[0], self.point(k, x), by, own, mesh[1]))
         return JointProblem(found, self.shared, self.groups, self.before)

@@ -118,7 +118,9 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         """Return the problem with other noise, shape (s,), and that of a record of the same values where it is coloured."""
         return self._with(noise=noise, record=self.record if record is None else record.first(self.record.samples))
 
-    def corrected(self, finer: Forward, point: Point, moving: NDArray[np.int64], components: Matrix) -> RecordProblem:
+    def corrected(
+        self, finer: Forward, point: Point, moving: NDArray[np.int64], needed: NDArray[np.int64], components: Matrix
+    ) -> RecordProblem:
         """Return the problem with what a finer mesh adds to the strain about a point.
 
         Parameters
@@ -129,6 +131,8 @@ class RecordProblem(DamageUnknowns, LeastSquares):
             Where it is simulated.
         moving : ndarray of int, shape (k,)
             Unknowns by which it is differentiated, of those that are simulated.
+        needed : ndarray of int, shape (l,)
+            Those of them without which derivatives that were taken nearby do not serve again.
         components : ndarray, shape (k, s, n or more)
             Of the error of the finer mesh, in place of those of this one; at the samples or in the states.
 
@@ -139,10 +143,15 @@ class RecordProblem(DamageUnknowns, LeastSquares):
         """
         other = copy(self)
         other.model, other._of_mesh = finer, {}
+        if self.added is not None and self.added.serves(point.x, needed):
+            more = require_finite(other._on_mesh(point.x[None]) - self._on_mesh(point.x[None]))[0]
+            added = replace(self.added, strain=more, x=point.x)
+            return self._with(added=added, components=self._of_record(components), _known={})
         rows, steps = (np.concatenate(parts) for parts in zip(*self._ways(point.x, moving), strict=True))
         rows = np.vstack([point.x, rows])
         more = require_finite(other._on_mesh(rows) - self._on_mesh(rows))
-        added = Added(more[0], point.x, moving, self._mean((more[1:] - more[0]) / steps[:, None, None], moving))
+        slopes = self._mean((more[1:] - more[0]) / steps[:, None, None], moving)
+        added = Added(more[0], point.x, moving, slopes, point.x, self.zones)
         return self._with(added=added, components=self._of_record(components), _known={})
 
     def central(self, step: float) -> RecordProblem:

@@ -23,7 +23,7 @@ from ..sensor import SensorArtifact
 from .answer import Answer, answer_of, untold_zones
 from .calibration import Calibration, spread_of
 from .colour import in_colour, of_noise
-from .correction import corrected
+from .correction import SAME_NOISE, corrected, noise_left
 from .discrepancy import Discrepancy, default_discrepancy, is_learned, is_load_learned
 from .faults import with_faults
 from .forward import Forward, MembraneForward, faults_of, forward_of, side_by_side
@@ -67,10 +67,7 @@ VALLEY = 0.7  # first periods over which chi2 has one valley, at most
 MOST_STEPS = 5000  # internal steps that are compared, unless the record is said to be compared whole
 SUSPECT = 0.5  # deviations of chi2 above the expected one from which on wirings are compared, and by which one is better
 Progress: TypeAlias = Callable[[float, int], None]  # length of the record [s], and simulations that were made
-ESTIMATES, SAME_NOISE = 4, 0.9  # of noise from what a fit leaves, while it falls below this share
-# deviations of chi2 from the expected one below which what is fast in a membrane was taken for noise, and chi2 per sample
-# below which there is no noise at all
-OVERRATED, CLEAN = -2.0, 0.1
+ESTIMATES = 4  # of noise from what a fit leaves
 HIDES = 0.5  # of the noise: where the error of the mesh is larger, a finer one is simulated at the fit
 COLOURED = 100.0  # chi2 per sample up to which noise may be coloured: what is slow leaves so much of what is fast
 LOUD = 10.0  # chi2 per sample of a search with louder noise, up to which that may be the noise
@@ -96,6 +93,10 @@ class Alone:
         How it was read, unless as it is.
     doubts : list of str
         Sentences on what is missing in it.
+    finer : tuple or None
+        The finer mesh that it still needs, and components of the error that is left there, see ``Twin.finer``.
+    noise : ndarray, shape (sensors,)
+        Standard deviation of the noise that it is compared with there.
     """
 
     record: ResponseRecord
@@ -103,6 +104,8 @@ class Alone:
     minima: list[Fit]
     wiring: Wiring | None
     doubts: list[str]
+    finer: tuple[Forward, Matrix] | None
+    noise: Vector
 
 
 class Twin:
@@ -249,10 +252,11 @@ class Twin:
         return PlaceSlopes(self._forward) if isinstance(self._forward, MembraneForward) else None
 
     def finer(self, problem: RecordProblem) -> tuple[Forward, Matrix] | None:
-        """Return the membrane on a finer mesh, and components of the error that is left there; None if that is not known."""
-        found = self._finer(problem.record, problem.components)
-        left = problem.added is not None and self._finer_square is not None  # of the square they are shares of its own
-        return (found[0], problem.components) if found is not None and left else found
+        """Return the membrane on a finer mesh, and components of the error that is left there; None if that is not known.
+
+        The problem is one of this mesh, without what a finer one adds.
+        """
+        return self._finer(problem.record, problem.components)
 
     def fit(self, record: ResponseRecord, report: Progress = lambda *_: None) -> Answer:
         """Find the damages that explain a record.
@@ -275,20 +279,25 @@ class Twin:
         with threadpool_limits(1):  # small matrices: waking other threads for them costs many times their work
             return self._fit(record, report)
 
-    def alone(self, record: ResponseRecord, report: Progress = lambda *_: None) -> Alone:
-        """Find the damages of a record as ``fit`` does, each zone by itself, without a second look at what is found."""
+    def alone(self, record: ResponseRecord, report: Progress = lambda *_: None, *, corrects: bool = True) -> Alone:
+        """Find the damages of a record as ``fit`` does, each zone by itself, without a second look at what is found.
+
+        Where it does not correct, a finer mesh is simulated only if the record is not explained without.
+        """
         record, doubts = self._usable(record)
-        fit, minima = self._searched(record, report)
+        fit, minima = self._searched(record, report, corrects=corrects)
         wiring = self._other_wiring(record, fit, report)
         if wiring is not None:
             changed = wiring.applied(record)
-            other, others = self._searched(changed, report)
+            other, others = self._searched(changed, report, corrects=corrects)
             if other.passes and not (fit.passes and other.unlikely > fit.unlikely - WIRED):
                 record, fit, minima = changed, other, others
                 doubts.append(wiring.doubt)
             else:
                 wiring = None
-        return Alone(record, fit, minima, wiring, doubts)
+        whole = fit.problem if corrects else self._problem(record, report)
+        needs = not corrects and (fit.problem.added is not None or whole.mesh_over_noise > HIDES)
+        return Alone(record, fit, minima, wiring, doubts, self.finer(whole) if needs else None, whole.noise)
 
     def _fit(self, record: ResponseRecord, report: Progress) -> Answer:
         found = self.alone(record, report)
@@ -451,7 +460,7 @@ class Twin:
         """Fit a record with another noise, from where a fit has ended."""
         return again(fit, fit.problem.under(noise, record), sparse=self.sparse)
 
-    def _searched(self, record: ResponseRecord, report: Progress) -> tuple[Fit, list[Fit]]:
+    def _searched(self, record: ResponseRecord, report: Progress, *, corrects: bool = True) -> tuple[Fit, list[Fit]]:
         """Search longer and longer beginnings of a record, from two sides; follow what they find to the end."""
         stages = self._stages(record, report)
         first = stages[0].record
@@ -462,6 +471,8 @@ class Twin:
             stages = [stage.under(noise * over / FLOOR) for stage in stages]
         fit, minima = search(stages, sparse=self.sparse, one_valley=one_valley)
         both = [fit, *from_priors(fit, sparse=self.sparse)]
+        if not corrects and finer is not None and fit.passes:
+            return fit, minima
         ends = side_by_side(partial(self._finished, record=record, noise=noise, finer=finer), both)
         best = min(ends, key=lambda end: (not end.passes, end.worth))
         near = [end for end in ends if end is not best and end.worth < best.worth + WIRED and elsewhere(end, best)]
@@ -472,12 +483,9 @@ class Twin:
         ending = partial(corrected, sparse=self.sparse, simulated=self._mesh_error is None)
         if finer is not None:
             fit = ending(fit, *finer, noise)
-        for _ in range(0 if record.noise is not None or isinstance(record, StaticRecord) else ESTIMATES):
+        for _ in range(ESTIMATES):
             problem = fit.problem
-            noise = np.fmin(problem.noise, problem.record.noise_deviation(problem.reading(fit.point)))
-            overrated = misfit(problem, fit.point) < OVERRATED and fit.per_sample > CLEAN and len(problem.components)
-            if overrated and problem.sensor_error is None:
-                noise = np.fmin(noise, problem.noise * math.sqrt(fit.per_sample))
+            noise = noise_left(problem, fit.point)
             if not np.nanmin(noise / problem.noise) < SAME_NOISE:
                 break
             if finer is None and problem.under(noise).mesh_over_noise > HIDES:

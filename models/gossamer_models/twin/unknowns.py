@@ -20,6 +20,7 @@ from .nuisances import BEYOND, Nuisances
 from .zone_sets import EVEN, ODDS
 
 NUISANCE_STEP = 1e-4  # in units of the prior's deviation
+NEAR, NEAR_OF_PRIOR = 0.05, 0.5  # damage, and deviations of priors, up to which what a finer mesh adds changes alike
 Report: TypeAlias = Callable[[int, int], None]  # how many simulations of how many
 
 
@@ -128,12 +129,24 @@ class Added:
         Unknowns with derivatives.
     slopes : ndarray, shape (k, s, n)
         By these.
+    sloped : ndarray, shape (size,)
+        Unknowns where they were taken.
+    zones : int
+        How many of the unknowns are damages.
     """
 
     strain: Matrix
     x: Vector
     moving: NDArray[np.int64]
     slopes: Matrix
+    sloped: Vector
+    zones: int
+
+    def serves(self, x: Vector, needed: NDArray[np.int64]) -> bool:
+        """Tell whether the derivatives serve at other unknowns too: they are by all that is needed, and were taken near."""
+        away, of_damage = np.abs(x - self.sloped)[needed], needed < self.zones
+        near = np.all(away <= np.where(of_damage, NEAR, NEAR_OF_PRIOR))
+        return bool(near and np.isin(needed, self.moving).all())
 
     def to(self, x: Matrix) -> Matrix:
         """Return what is added at rows of unknowns, shape (m, s, n)."""
@@ -151,4 +164,6 @@ class Added:
         moves = others[self.moving]
         moving = np.flatnonzero(moves.any(axis=0))
         start = self.strain - np.tensordot(self.x[self.moving], self.slopes, 1)
-        return Added(start, np.zeros(others.shape[1]), moving, np.tensordot(moves[:, moving].T, self.slopes, 1))
+        nowhere = np.full(others.shape[1], np.inf)
+        slopes = np.tensordot(moves[:, moving].T, self.slopes, 1)
+        return Added(start, np.zeros(others.shape[1]), moving, slopes, nowhere, 0)
