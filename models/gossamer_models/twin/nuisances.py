@@ -97,6 +97,11 @@ class Loads:
     histories: Mapping[str, Vector] = field(default_factory=dict)
     exact: tuple[str, ...] = ()
 
+    @property
+    def scalable(self) -> tuple[str, ...]:
+        """Inputs that change and whose histories may have an unknown factor."""
+        return tuple(name for name, values in self.histories.items() if np.ptp(values) > 0.0 and name not in self.exact)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadTable:
@@ -235,9 +240,7 @@ class Nuisances:
     @property
     def scaled(self) -> tuple[str, ...]:
         """Inputs whose histories have an unknown factor."""
-        loads = self.loads
-        acting = (name for name, values in loads.histories.items() if np.ptp(values) > 0.0 and name not in loads.exact)
-        return tuple(acting) if "amplitude" in self.kinds else ()
+        return self.loads.scalable if "amplitude" in self.kinds else ()
 
     @property
     def simulated(self) -> tuple[str, ...]:
@@ -425,9 +428,8 @@ def possible(parameters: Mapping[str, float], loads: Loads, spread: Spread | Non
 
 
 def _possible(parameters: Mapping[str, float], loads: Loads) -> tuple[str, ...]:
-    given = any(np.ptp(values) > 0.0 for values in loads.histories.values())
     parameters = _staying(parameters, loads)
-    return tuple(name for name in NAMES if _acts(name, parameters) or (name == "amplitude" and given))
+    return tuple(name for name in NAMES if _acts(name, parameters) or (name == "amplitude" and loads.scalable))
 
 
 def _acts(kind: str, parameters: Mapping[str, float]) -> bool:

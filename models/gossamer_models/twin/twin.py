@@ -429,12 +429,15 @@ class Twin:
                 raise DataError(msg)
 
     def _nuisances(self, kinds: tuple[str, ...], record: ResponseRecord) -> Nuisances:
-        exact = tuple(fault.parameter for fault in self.faults)  # a factor of its own would be the same as the fault
-        model, loads = self._forward, Loads(record.start, record.inputs, exact)
+        model, loads = self._forward, self._loads(record)
         period = model.period if set(kinds) & set(model.inputs) else math.inf
         known = model.parameters, model.inputs, model.sensors, loads, record.step * record.samples, period
         spread = self._spread.of_structure if self._spread is not None and record.kind == "resistance" else self._spread
         return Nuisances(kinds, *known, spread)
+
+    def _loads(self, record: ResponseRecord) -> Loads:
+        """Return the loads of a record; a factor of its own on one that a fault takes from would be the same as the fault."""
+        return Loads(record.start, record.inputs, tuple(fault.parameter for fault in self.faults))
 
     def _places_are_known(self, record: ResponseRecord) -> bool:
         """Tell whether no place of a sensor is fitted: no calibration has told any, or sensors bend strain."""
@@ -446,7 +449,7 @@ class Twin:
 
     def _kinds(self, record: ResponseRecord, *, wider: bool = False) -> tuple[str, ...]:
         """Return the nuisances that are fitted; wider: all that act on the record."""
-        given = possible(self.numbers, Loads(record.start, record.inputs), self._spread)
+        given = possible(self.numbers, self._loads(record), self._spread)
         left_out = {*(OF_MOTION if isinstance(record, StaticRecord) else ())}
         left_out |= {*OF_SENSOR} if self._may_be_off(record) else {SENSOR}
         left_out |= {*PLACES} if self._places_are_known(record) else set()
