@@ -353,3 +353,31 @@ def bind(
         buffer.set_res(i, array.data)
     run.keep_alive = buffer
     return run
+
+
+class Evaluator:
+    """A CasADi function of dense vectors, without the time that its own calls take for arrays.
+
+    Not to be shared by threads; it can be pickled.
+
+    Parameters
+    ----------
+    function : casadi.Function
+        Its arguments and results are vectors or numbers.
+    """
+
+    def __init__(self, function: ca.Function) -> None:
+        self._function = function
+        self._arguments = [np.empty(function.numel_in(i)) for i in range(function.n_in())]
+        self._results = [np.empty(function.numel_out(i)) for i in range(function.n_out())]
+        self._run = bind(function, self._arguments, self._results)
+
+    def __call__(self, *arguments: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        """Return the results, each a vector of its own."""
+        for own, given in zip(self._arguments, arguments, strict=True):
+            own[:] = given
+        self._run()
+        return [result.copy() for result in self._results]
+
+    def __reduce__(self) -> tuple[type, tuple[ca.Function]]:
+        return Evaluator, (self._function,)

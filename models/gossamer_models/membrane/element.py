@@ -16,7 +16,7 @@ elements of a mesh at once (MX). CasADi leaves out multiplications by one and ze
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import reduce
+from functools import cache, reduce
 from typing import Any, TypeAlias
 
 import casadi as ca
@@ -264,6 +264,7 @@ def gauss_points(n: int) -> tuple[Vector, Vector]:
     return np.asarray(points / 2.0, dtype=np.float64), np.asarray(weights / 2.0, dtype=np.float64)
 
 
+@cache
 def lobatto_points(n: int) -> tuple[Vector, Vector]:
     r"""Return nodes and weights of the Gauss-Lobatto-Legendre rule [1], shapes (n,); exact to degree 2 n - 3.
 
@@ -279,27 +280,35 @@ def lobatto_points(n: int) -> tuple[Vector, Vector]:
     P = Legendre.basis(n - 1)
     inner = np.sort(np.real(P.deriv().roots()))  # real; NumPy 2.5 returns them as complex numbers
     points = np.concatenate([[-1.0], (inner - inner[::-1]) / 2.0, [1.0]])  # symmetric to the last bit
-    return points / 2.0, 1.0 / (n * (n - 1) * P(points) ** 2)
+    found = points / 2.0, 1.0 / (n * (n - 1) * P(points) ** 2)
+    for array in found:
+        array.flags.writeable = False  # all callers have the same
+    return found
 
 
 def value_matrix(nodes: Vector, points: Vector) -> Vector:
     """Evaluate the Lagrange polynomials through ``nodes``, shape (points, nodes); exact ones and zeros at the nodes."""
-    columns = []
-    for i, node in enumerate(nodes):
-        others = np.delete(nodes, i)
-        columns.append(np.prod((points[:, None] - others) / (node - others), axis=1))
-    return np.column_stack(columns)
+    return np.asarray(np.prod(_ratios(nodes, points), axis=0))
 
 
 def derivative_matrix(nodes: Vector, points: Vector) -> Vector:
     """Evaluate the derivatives of the Lagrange polynomials through ``nodes``, shape (points, nodes)."""
-    n = len(nodes)
-    columns = np.zeros((len(points), n))
-    for i in range(n):
-        for j in set(range(n)) - {i}:
-            others = np.delete(nodes, [i, j])
-            columns[:, i] += np.prod((points[:, None] - others) / (nodes[i] - others), axis=1) / (nodes[i] - nodes[j])
-    return columns
+    n, ratios = len(nodes), _ratios(nodes, points)
+    found = np.zeros((len(points), n))
+    for j in range(n):
+        without = np.prod(np.delete(ratios, j, axis=0), axis=0)
+        others = np.arange(n) != j
+        found[:, others] += without[:, others] / (nodes[others] - nodes[j])
+    return found
+
+
+def _ratios(nodes: Vector, points: Vector) -> Vector:
+    """Return the factors of the Lagrange polynomials: one for each node, shape (points, nodes), of its own 1."""
+    away = nodes - nodes[:, None]
+    np.fill_diagonal(away, 1.0)
+    found = (points[:, None] - nodes[:, None, None]) / away[:, None]
+    found[np.arange(len(nodes)), :, np.arange(len(nodes))] = 1.0
+    return found
 
 
 def sum_at(places: NDArray[np.int64], values: ca.MX, size: int) -> ca.MX:

@@ -15,6 +15,7 @@ import scipy.sparse
 from scipy.sparse.linalg import splu
 
 from ..arrays import Vector
+from ..stepper import Evaluator
 from ..variables import Variable, by_name
 from .assembly import MembraneEquations
 from .equilibrium import balance, tangent
@@ -61,12 +62,13 @@ class Newton:
         u, p, q = arguments = [ca.MX.sym(*of) for of in (("u", len(inputs)), ("p", len(parameters)), ("q", n))]
         by_name_u, by_name_p = by_name(inputs, u), by_name(parameters, p)
         f, _, accepted = balance(equations, q, by_name_u, by_name_p)
-        self.balance = ca.Function("balance", arguments, [f, accepted])
+        self.balance = ca.Function("balance", arguments, [ca.densify(f), accepted])
+        self._balance = Evaluator(self.balance)
         x = equations.positions(q, by_name_u, by_name_p)
         shared = equations.shared(by_name_u, by_name_p, ca.MX(0.0), equations.gas_of_start(by_name_u))
         K = tangent(equations, x, shared, by_name_u, by_name_p)[self.free.tolist(), self.free.tolist()]
         self._has_beams = bool(structure.setup.beams)
-        self._tangent = ca.Function("tangent", arguments, [ca.vertcat(K.nz[:])])  # in the order of scipy
+        self._tangent = Evaluator(ca.Function("tangent", arguments, [K.nz[:]]))  # in the order of scipy
         self._pattern = np.array(K.sparsity().row()), np.array(K.sparsity().colind())
         columns = np.repeat(np.arange(len(self.free)), np.diff(self._pattern[1]))
         self._diagonal = np.flatnonzero(self._pattern[0] == columns)
@@ -74,7 +76,7 @@ class Newton:
     def tangent(self, u: Vector, p: Vector, q: Vector) -> scipy.sparse.csc_matrix:
         """Return K [N/m] for the free displacements."""
         shape = (len(self.free), len(self.free))
-        return scipy.sparse.csc_matrix((column(self._tangent(u, p, q)), *self._pattern), shape=shape)
+        return scipy.sparse.csc_matrix((*self._tangent(u, p, q), *self._pattern), shape=shape)
 
     def stiffened(self, u: Vector, p: Vector, q: Vector) -> scipy.sparse.csc_matrix:
         """Return the tangent that can be factored where the film is slack."""
@@ -87,10 +89,9 @@ class Newton:
 
     def left(self, u: Vector, p: Vector, q: Vector) -> tuple[Vector, float]:
         """Return the forces on free displacements [N], and the largest over what is accepted."""
-        f, accepted = self.balance(u, p, q)
-        all_forces = column(f)
-        left = float(np.max(np.abs(all_forces / self._stiffness))) / float(accepted)
-        return np.asarray(all_forces[self.free]), left if np.isfinite(left) else np.inf
+        f, (accepted,) = self._balance(u, p, q)
+        left = float(np.max(np.abs(f / self._stiffness))) / float(accepted)
+        return np.asarray(f[self.free]), left if np.isfinite(left) else np.inf
 
     def _released(self, u: Vector, p: Vector, q: Vector) -> Vector | None:
         r"""Return the equilibrium that full steps reach as the forces that are left at ``q`` are released bit by bit.

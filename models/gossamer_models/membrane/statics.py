@@ -19,6 +19,7 @@ from ..arrays import Matrix, Vector
 from ..batch.cases import CaseTable, Cube, count_cases
 from ..errors import ParameterError
 from ..step_model import StepModel
+from ..stepper import Evaluator
 from ..variables import by_name
 from .assembly import MembraneEquations
 from .newton import STALLED, Known, Newton, column
@@ -140,7 +141,7 @@ class Equilibrium:
         _, y = rest.begin.call(arguments, True, False)
         strain = y[rows[0] : rows[-1] + 1] if rows else ca.MX.zeros(0)
         seen = ca.vertcat(ca.vec(away), strain)
-        self._seen = ca.Function("seen", arguments, [seen])
+        self._seen = Evaluator(ca.Function("seen", arguments, [ca.densify(seen)]))
         du, dp, dq = directions = [ca.MX.sym(f"d{a.name()}", a.numel()) for a in arguments]
         given, moved = ca.vertcat(u, p), ca.vertcat(du, dp)
         self._pushed = ca.Function("pushed", [*arguments, du, dp], [ca.densify(ca.jtimes(f, given, moved))])
@@ -173,7 +174,7 @@ class Equilibrium:
         p, u = values[:, :n_p], values[:, n_p:]
         q = self(u, p)
         rows = list(zip(u, p, q, strict=True))
-        seen = np.array([column(self._seen(*row)) for row in rows])
+        seen = np.array([self._seen(*row)[0] for row in rows])
         displacement, strain = self._split(seen)
         x = np.array([column(self.begin(*row)[0]) for row in rows])
         x[np.isnan(q).any(axis=1)] = np.nan

@@ -436,7 +436,7 @@ class Twin:
         return Nuisances(kinds, *known, spread)
 
     def _loads(self, record: ResponseRecord) -> Loads:
-        """Return the loads of a record; a factor of its own on one that a fault takes from would be the same as the fault."""
+        """Return the loads of a record; a factor of its own would be the same as a fault of it."""
         return Loads(record.start, record.inputs, tuple(fault.parameter for fault in self.faults))
 
     def _places_are_known(self, record: ResponseRecord) -> bool:
