@@ -25,7 +25,7 @@ from ..step_model import StepModel
 from ..variables import Values
 from .assembly import Forces, MembraneEquations
 from .element import lobatto_points, value_matrix
-from .equilibrium import in_plane, of_base, pulled, relaxed, with_dead_loads
+from .equilibrium import in_plane, of_base, pulled, relaxed, with_nodal_loads
 from .frame import RESTARTED, FrameState, flying
 from .gauges import Gauge
 from .newton import Newton
@@ -214,7 +214,7 @@ def membrane_model(
         phase -= ca.floor(phase)
         V = ca.MX.zeros(0) if setup.gas is None else equations.volume(at)
         if rider is not None:
-            ride = rider.start(q, found, with_dead_loads(equations, found.f, u, p), gas, u, p)
+            ride = rider.start(q, found, with_nodal_loads(equations, found.f, at, u, p), gas, u, p)
             state = MembraneState(q, ride.s, phase, V, ride.frame)
             return state, results(state, u, p, found, gas) | ride.results
         state = MembraneState(q, ca.MX.zeros(n), phase, V, ca.MX.zeros(0))
@@ -295,6 +295,10 @@ def _cannot_ride(structure: Structure) -> Iterator[Mistake]:
     if structure.setup.springs:
         text = "on a frame that flies supports are rigid. Leave out 'stiffness'."
         yield Mistake(("supports", structure.setup.springs[0], "stiffness"), text)
+    for i, load in enumerate(structure.setup.loads):
+        if load.kind == "centrifugal":
+            text = "a frame that flies turns the membrane itself, by 'angular_velocity'. Leave out the centrifugal load."
+            yield Mistake(("loads", i, "kind"), text)
 
 
 def _gauge(structure: Structure, gauge: Gauge) -> tuple[list[int], Callable[[ca.MX, Any], ca.MX]]:

@@ -351,7 +351,7 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
     free, sprung = free_displacements(setup, mesh), springs(setup, mesh, mass + of_lines)
     added += of_lines
     mass += added
-    raise_any([*loose(mesh, free & ~sprung.any(axis=0)), *leaking(setup, mesh, free, encloses)])
+    raise_any([*loose(setup, mesh, free & ~sprung.any(axis=0)), *leaking(setup, mesh, free, encloses)])
     drawn = np.array([setup.supports[i].stiffness for i in setup.springs])
     stiffness += (drawn @ sprung).reshape(-1, 3).max(axis=1)
     lines: tuple[LineParts, ...] = ()
@@ -454,7 +454,7 @@ def _measured(setup: Setup, mesh: SurfaceMesh, which: int, region: Integers) -> 
 def _hit(setup: Setup, mesh: SurfaceMesh) -> Iterator[Mistake]:
     """Find forces at points that are away from the surface."""
     for i, load in enumerate(setup.loads):
-        if load.point is None:
+        if load.kind != "force" or load.point is None:
             continue
         away = float(np.linalg.norm(nearest_place(mesh, np.array(load.point))[0] - load.point))
         if away > max(_FAR * mesh.size, load.radius):
