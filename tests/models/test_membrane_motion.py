@@ -9,6 +9,7 @@ from gossamer_models import Stepper
 from gossamer_models.membrane import (
     Load,
     MembraneEquations,
+    PointMass,
     Region,
     Setup,
     Support,
@@ -17,6 +18,7 @@ from gossamer_models.membrane import (
     square_structure,
     surface_mesh,
 )
+from gossamer_models.membrane.model import first_period
 from oracles.meshes import disc, meshed, rectangle, rim, started, thesis_square
 from scipy.special import jn_zeros
 
@@ -122,6 +124,31 @@ def test_scaled_inertia_along_the_surface_takes_a_tenth_of_the_steps_and_keeps_t
     assert np.ptp(histories[0]) > 5e-3
     assert steps[1] > 9.0 * steps[0]
     assert np.linalg.norm(histories[1] - histories[0]) < 1.5e-3 * np.linalg.norm(histories[0])
+
+
+def test_point_masses_keep_their_inertia_along_a_film_that_is_scaled():
+    """A block of 100 times the film's mass between two strips, pulled along them: by the step, and by its period."""
+    film = Region(youngs_modulus=1e6, poisson_ratio=0.0, density=1000.0, thickness=1e-3)
+    middle = {"middle": lambda x, y, z: np.abs(x - 0.5) < 1e-9, "ends": lambda x, y, z: np.abs(x - 0.5) > 0.4}
+    strip = meshed([rectangle(1.0, 0.1)], (8, 1), points=middle | {"all": lambda x, y, z: x > -1.0})
+    mass = 10.0
+    setup = {
+        "regions": (film,),
+        "supports": (Support(group="ends"), Support(group="all", fixed="yz")),
+        "masses": (PointMass(group="middle", mass=mass),),
+        "loads": (Load(name="pull", kind="force", groups=("middle",), direction=(1.0, 0.0, 0.0)),),
+    }
+    for factor in (1.0, 20.0):
+        structure, model, _ = started(strip, inplane_mass=factor, **setup)
+        model.set("pull", 1.0)  # on each of two nodes
+        model.step(1e-5)
+        there = [3 * int(np.flatnonzero(structure.moving == node)[0]) for node in structure.mesh.points["middle"]]
+        v = model.x[3 * len(structure.moving) :][there]
+        of_film = 1000.0 * 1e-3 * 0.1 / 8
+        assert v * (mass + factor * of_film) / (2.0 * 1e-5) == pytest.approx([1.0, 1.0], rel=1e-6)
+        stiffness = 2.0 * film.youngs_modulus * film.thickness * 0.1 / 0.5
+        exact = 2.0 * np.pi * np.sqrt((mass + factor * 8.0 * of_film / 3.0) / stiffness)
+        assert first_period(structure) == pytest.approx(exact, rel=5e-3)
 
 
 WARNING = "The run goes on; this is logged once."

@@ -71,7 +71,10 @@ def test_all_modes_together_have_the_mass_that_moves_along_and_about_every_axis(
     assert modes.moving[0, 0] == pytest.approx(DENSITY * THICKNESS * 9 / 16)
 
 
-@pytest.mark.parametrize("made", [square_structure, balloon])
+SPIN = Load(name="spin", kind="centrifugal", start=30.0, direction=(0.2, 0.1, 1.0), point=(0.3, 0.0, 0.0))
+
+
+@pytest.mark.parametrize("made", [square_structure, balloon, lambda: square(4, loads=(Load(name="pressure"), SPIN))])
 def test_modes_are_those_of_the_step_of_the_model(made):
     """The step's own derivative, at rest and over a short time, holds the tangent."""
     structure = made()

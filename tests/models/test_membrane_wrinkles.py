@@ -1,11 +1,16 @@
 """Wrinkled membranes from a mesh, by the relaxed law, against tension-field solutions."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from gossamer_models.membrane import Load, Region, Support
 from oracles.meshes import annulus, disc, meshed, rectangle, started
 from scipy.optimize import fsolve
+from studies.kratos.airbag import airbag
+from studies.kratos.records import at_rest
 
+ORACLES = Path(__file__).parents[1] / "oracles"
 E, NU = 1e9, 0.3
 
 
@@ -97,6 +102,14 @@ def test_a_square_bag_holds_what_the_teabag_problem_allows():
     assert coarse < fine < limit < 0.217
     assert fine == pytest.approx(0.2017, rel=0.01)
     assert limit == pytest.approx(0.2055, rel=0.01)
+
+
+def test_an_airbag_rests_where_kratos_finds_it():
+    """Of 1.2 m across its corners, 588 MPa, 0.4, 0.6 mm and 5 kPa; ``python -m studies.kratos.airbag`` recorded it."""
+    found = at_rest(airbag(16), np.zeros(0), {})
+    kratos = np.loadtxt(ORACLES / "kratos/airbag/16.csv", delimiter=",")
+    assert kratos[0, 2] == pytest.approx(0.2165, abs=5e-5)
+    np.testing.assert_allclose(found, kratos, rtol=0.0, atol=1e-7)
 
 
 def test_an_inflated_disc_is_the_mylar_balloon():

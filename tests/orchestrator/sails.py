@@ -30,7 +30,7 @@ def sail_file(squares_left: int = 4) -> MeshFile:
     return MeshFile("sail.msh", nodes, quads, halves, groups, {}, {"rim": rim, "tip": np.array([14])})
 
 
-def sail(order: int = 1, squares_left: int = 4, expose: bool = False, held=(), **more) -> Structure:
+def sail(order: int = 1, squares_left: int = 4, expose: bool = False, held=(), more_zones=(), **more) -> Structure:
     """Return a structure that is pulled at one side, with a zone, a sensor, and prestress in one of two regions."""
     film = {"poisson_ratio": 0.3, "density": 1000.0, "thickness": 1e-4}
     setup = Setup(
@@ -41,7 +41,7 @@ def sail(order: int = 1, squares_left: int = 4, expose: bool = False, held=(), *
             Region(youngs_modulus=1e7, group="left", prestress=(2e4, 1e4, 5e3), thermal_expansion=1e-4, **film),
             Region(youngs_modulus=2e7, **film),
         ),
-        zones=(Zone(group="left"),),
+        zones=(Zone(group="left"), *more_zones),
         supports=(Support(group="rim", stretch=(1.01, 1.0, 1.0), motion="pull"), *held),
         sensors=(Sensor(point=(0.6, 0.6, 0.018), direction=(1.0, 0.0, 0.0)),),
         **more,

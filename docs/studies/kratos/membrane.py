@@ -11,6 +11,7 @@ import sys
 from typing import Any
 
 import KratosMultiphysics as Kratos
+import KratosMultiphysics.ConstitutiveLawsApplication  # registers the law that wrinkles
 import KratosMultiphysics.LinearSolversApplication  # registers the solver
 import KratosMultiphysics.StructuralMechanicsApplication as Structural
 import numpy as np

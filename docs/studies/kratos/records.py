@@ -1,7 +1,8 @@
 """Records of the shipped dish and sail, computed by Kratos on their own meshes, in tests/oracles/kratos.
 
 ``python -m studies.kratos.records PYTHON`` from the folder ``docs``, with the Python of an environment that has
-``KratosStructuralMechanicsApplication`` and ``KratosLinearSolversApplication``; half an hour. Kratos has the law of Saint
+``KratosStructuralMechanicsApplication``, ``KratosConstitutiveLawsApplication`` and ``KratosLinearSolversApplication``; half
+an hour. Kratos has the law of Saint
 Venant and Kirchhoff, wrinkled in the sail, and integrates by Newmark's method of the average acceleration with half of the
 record's step. The first line of a record says what is damaged.
 """

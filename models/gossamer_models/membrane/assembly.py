@@ -465,8 +465,7 @@ def _arrays(structure: Structure) -> dict[str, Vector]:
         "mobility": (structure.free.reshape(-1, 3)[moving] / structure.mass[moving, None]).ravel(),
     }
     if structure.setup.inplane_mass > 1.0:
-        share = np.sqrt(1.0 - 1.0 / structure.surface_inertia)[:, None] if structure.setup.lines else 1.0
-        found["normals"] = (share * structure.normals)[moving].ravel()
+        found["slowing"] = structure.slowing[moving].ravel()
     found |= {f"spring_{i}": row.reshape(-1, 3)[moving].ravel() for i, row in enumerate(structure.springs)}
     motions = enumerate(structure.setup.supports)
     found |= {f"way_{i}": of_nodes(structure.ways[i]) for i, support in motions if support.motion}

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ..variables import Values
 from .assembly import Forces, MembraneEquations, Shared
 from .element import sum_at
+from .setup import Load
 
 LEVELS = 5  # at most 10^5 steps
 NEWTON_STEPS = 8
@@ -156,7 +157,10 @@ def tangent(equations: MembraneEquations, x: ca.MX, shared: Shared, u: Values, p
     structure = equations.structure
     places = [equations.places(kind.nodes, axes) for part in (structure.elements, structure.lines) for kind in part]
     K = -sum(_assembled(each, rows, size) for each, rows in zip(blocks, places, strict=True))
-    return K + ca.diag(equations.spring_stiffness(p)) if structure.setup.springs else K
+    if structure.setup.springs:
+        K += ca.diag(equations.spring_stiffness(p))
+    mass = equations.mass(p)[: equations.n_q // 3]
+    return K - sum(getattr(u, load.name) ** 2 * ca.kron(ca.diag(mass), _across(load)) for load in structure.setup.spins)
 
 
 def _assembled(blocks: ca.MX, rows: NDArray[np.int64], size: int) -> ca.MX:
@@ -171,33 +175,51 @@ def _assembled(blocks: ca.MX, rows: NDArray[np.int64], size: int) -> ca.MX:
     return ca.MX(pattern, sum_at(place, ca.vec(blocks), len(known) + 1)[: len(known), :])
 
 
-def with_dead_loads(equations: MembraneEquations, f: ca.MX, u: Values, p: Values) -> ca.MX:
-    """Add the forces that keep their direction [N]."""
+def with_nodal_loads(equations: MembraneEquations, f: ca.MX, at: ca.MX, u: Values, p: Values) -> ca.MX:
+    r"""Add what acts on nodes ``at`` their places [N]: forces that keep their direction, and centrifugal ones.
+
+    Notes
+    -----
+    These are :math:`m \Omega^2 (1 - e e^T) (x - x_0)` on what moves, with e along the axis through x_0: they grow with the
+    distance from it, and soften what moves across it by as much.
+    """
     t = equations.arrays
     if "edge_force" in t:
         f += equations.factor(p, "tension") * t["edge_force"]
     for name in equations.structure.unit_forces:
         f += getattr(u, name) * t[f"unit_{name}"]
+    moving, held = equations.parted(at)
+    for load in equations.structure.setup.spins:
+        centre = equations.size(p) * (np.array(load.point or (0.0, 0.0, 0.0)) - equations.structure.origin)
+        away = ca.mtimes(_across(load), ca.reshape(moving, 3, -1) - ca.DM(centre))
+        rate, mass = getattr(u, load.name), equations.mass(p)[: equations.n_q // 3]
+        f += ca.vertcat(rate**2 * ca.vec(ca.repmat(mass.T, 3, 1) * away), ca.MX.zeros(held.numel()))
     return f
+
+
+def _across(spin: Load) -> ca.DM:
+    """Return the projection across the axis of a centrifugal load, shape (3, 3)."""
+    e = np.array(spin.direction) / np.linalg.norm(spin.direction)
+    return ca.sparsify(ca.DM(np.eye(3) - np.outer(e, e)))
 
 
 def pulled(
     equations: MembraneEquations, volume: ca.MX, built_in: ca.MX, at: ca.MX, u: Values, p: Values
 ) -> tuple[Forces, ca.MX, ca.MX]:
-    """Write what pulls at nodes ``at`` their places: what elements give, that with dead loads [N], the gas' pressure [Pa].
+    """Write what pulls at nodes ``at`` their places: what elements give, that with nodal loads [N], the gas' pressure [Pa].
 
     ``volume`` is that which the faces bounded at the start [m3], ``built_in`` a pressure [Pa].
     """
     setup = equations.structure.setup
     if setup.gas is None:
         found = equations.forces(at, equations.shared(u, p, built_in, ca.MX(0.0)), u, p)
-        return found, with_dead_loads(equations, found.f, u, p), ca.MX(0.0)
+        return found, with_nodal_loads(equations, found.f, at, u, p), ca.MX(0.0)
     V = equations.filled_volume(equations.volume(at), volume)
     inside = equations.filled(u) * (equations.filled_volume(volume, volume) / V) ** setup.gas.exponent
     gas = inside - setup.gas.ambient
     found = equations.forces(at, equations.shared(u, p, built_in, gas), u, p)
     found = replace(found, rate=found.rate + setup.gas.exponent * inside / V * equations.gas_mobility())
-    return found, with_dead_loads(equations, found.f, u, p), gas
+    return found, with_nodal_loads(equations, found.f, at, u, p), gas
 
 
 def of_base(equations: MembraneEquations, u: Values, factor: Any = 1.0) -> ca.MX:  # noqa: ANN401
@@ -223,7 +245,7 @@ def balance(equations: MembraneEquations, q: ca.MX, u: Values, p: Values) -> tup
     strained = ca.mmax(sum(parts)) if parts else 0.0
     x = equations.positions(q, u, p)
     found = equations.forces(x, shared, u, p)
-    f = with_dead_loads(equations, found.f, u, p)[: equations.n_q]
+    f = with_nodal_loads(equations, found.f, x, u, p)[: equations.n_q]
     if hasattr(u, "base_acceleration"):
         mass = ca.vec(ca.repmat(equations.mass(p)[: equations.n_q // 3].T, 3, 1))
         f -= mass * of_base(equations, u)

@@ -10,7 +10,7 @@ the frame; ``h`` step [s]::
 
 which is v' = A - c v with A = f/m - a - w' x r - w x (w x r) - 2 w x v. Where inertia along the surface is scaled by k, all
 but 1/k of what A has along it is taken from the nodes and given to the frame. So momentum is kept, and what is at rest in
-the frame rests alike; ``n`` are the normals of the reference surface. Gravity pulls at frame and membrane alike. Held nodes
+the frame rests alike. Gravity pulls at frame and membrane alike. Held nodes
 belong to the frame: their mass is reported, to be added to the mass of what carries the frame.
 """
 
@@ -201,17 +201,13 @@ def kick(h: ca.MX, a: ca.MX, w: ca.MX, r: Columns, s: Columns, pull: Columns, da
     return s_next, [(s[i] + s_next[i]) / 2.0 - carried[i] for i in range(3)]
 
 
-def held_back(a: ca.MX, w: ca.MX, w_dot: ca.MX, k: float, n: Columns, r: Columns, s: Columns, pull: Columns) -> Columns:
-    """Return what inertia that is scaled by k along the surface takes from the acceleration of nodes [m/s2].
+def accelerated(a: ca.MX, w: ca.MX, w_dot: ca.MX, r: Columns, s: Columns, pull: Columns) -> Columns:
+    """Return the accelerations A of nodes relative to the frame [m/s2], but for the drag.
 
     Parameters
     ----------
     a, w, w_dot : casadi.MX
         Those of ``FrameStep``.
-    k : float
-        Factor on the inertia [1]; 0 if each node has its own, which the normals say.
-    n : list of casadi.MX, shape (N,)
-        Normals of the reference surface [1], or these times the root of 1 - 1/k.
     r, s, pull : list of casadi.MX, shape (N,)
         As of ``kick``.
     """
@@ -219,12 +215,14 @@ def held_back(a: ca.MX, w: ca.MX, w_dot: ca.MX, k: float, n: Columns, r: Columns
     carried = cross(turns, r)
     turning = cross(turns, [2.0 * s[i] - carried[i] for i in range(3)])  # w x (w x r) + 2 w x v
     faster = cross([w_dot[i] for i in range(3)], r)
-    A = [pull[i] - a[i] - faster[i] - turning[i] for i in range(3)]
-    across = sum(x * y for x, y in zip(n, A, strict=True))
-    if not k:
-        held = sum(x**2 for x in n)
-        return [held * x - y * across for x, y in zip(A, n, strict=True)]
-    return [(1.0 - 1.0 / k) * (x - y * across) for x, y in zip(A, n, strict=True)]
+    return [pull[i] - a[i] - faster[i] - turning[i] for i in range(3)]
+
+
+def held_back(N: Columns, A: Columns) -> Columns:
+    """Return what inertia that is scaled along the surface takes from accelerations, see ``Structure.slowing``."""
+    square = sum(x**2 for x in N)
+    across = sum(x * y for x, y in zip(N, A, strict=True))
+    return [square * y - x * across for x, y in zip(N, A, strict=True)]
 
 
 def turned(E: ca.MX, r: Columns) -> Columns:

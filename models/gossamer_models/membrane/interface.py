@@ -57,6 +57,7 @@ def _inputs(setup: Setup, zone_names: tuple[str, ...]) -> list[Variable]:
         "dead_pressure": ("Pa", "Pressure along the normal of the reference shape", 1e4),
         "light": ("Pa", "Pressure of light that is wholly absorbed", 1e-5),
         "force": ("N", "Force on each node", 1.0),
+        "centrifugal": ("rad/s", "Rate at which the axes of the membrane turn, with its centrifugal force", 1.0),
     }
     for load in setup.loads:
         unit, text, nominal = kinds[load.kind]

@@ -2,8 +2,8 @@ r"""A membrane as a pure step: what the FMU runs.
 
 Symbols: ``q`` displacements [m] and ``v`` velocities [m/s] of the nodes that move, ``phase`` of the built-in pressure
 [cycles], ``f`` forces [N], ``m`` masses [kg], ``c`` mass damping [1/s], ``h`` step [s], ``V`` volume of gas [m3], ``u``
-inputs and ``p`` parameters by name. Of the slowest vibration ``K`` tangent [N/m], ``M`` masses [kg], ``n`` normals, ``k``
-factor on inertia along the surface [1], ``omega`` angular frequency [1/s].
+inputs and ``p`` parameters by name. Of the slowest vibration ``K`` tangent [N/m], ``M`` masses [kg], ``N`` of
+``Structure.slowing`` [1], ``omega`` angular frequency [1/s].
 """
 
 import math
@@ -25,8 +25,8 @@ from ..step_model import StepModel
 from ..variables import Values
 from .assembly import Forces, MembraneEquations
 from .element import lobatto_points, value_matrix
-from .equilibrium import in_plane, of_base, pulled, relaxed, with_dead_loads
-from .frame import RESTARTED, FrameState, flying
+from .equilibrium import in_plane, of_base, pulled, relaxed, with_nodal_loads
+from .frame import RESTARTED, FrameState, flying, held_back
 from .gauges import Gauge
 from .newton import Newton
 from .portable import FILE, structure_text
@@ -144,10 +144,8 @@ def membrane_model(
     round-off does not grow with time. ``max_step`` belongs to the middle of the last step, where the forces are evaluated.
     On a frame that flies the step is that of ``frame.FrameStep``, and only the acceleration relative to the frame is scaled.
 
-    It starts at rest in equilibrium, without the built-in pressure. Inertia along the surface may be scaled by a factor k:
-    with n the normals of the reference surface,
-
-    .. math:: a = f/(k m) + (1 - 1/k)\,n\,(n \cdot f)/m.
+    It starts at rest in equilibrium, without the built-in pressure. Inertia along the surface may be scaled, see
+    ``Structure.slowing``.
 
     References
     ----------
@@ -172,15 +170,11 @@ def membrane_model(
         return vectors if structure.free.reshape(-1, 3)[structure.moving].all() else t["free"] * vectors
 
     def gained(f: ca.MX, u: Values, p: Values, gain: ca.MX) -> ca.MX:  # velocity in a time ``gain``; few passes over nodes
-        k = setup.inplane_mass
         v = gain * equations.lightness(p) * (t["mobility"] * f) - only_free(of_base(equations, u, gain))
-        if k == 1.0:
+        if setup.inplane_mass == 1.0:
             return v
-        across = ca.vec(ca.repmat(_products(v, t["normals"]).T, 3, 1))
-        if setup.lines:  # whose normals say how much
-            held = ca.vec(ca.repmat(_products(t["normals"], t["normals"]).T, 3, 1))
-            return only_free(v - held * v + t["normals"] * across)
-        return only_free(v / k + (1.0 - 1.0 / k) * t["normals"] * across)
+        taken = held_back(*([x[axis::3] for axis in range(3)] for x in (t["slowing"], v)))
+        return only_free(v - ca.vec(ca.horzcat(*taken).T))
 
     def step(x: MembraneState, u: Values, p: Values, h: ca.MX) -> tuple[MembraneState, dict[str, ca.MX]]:
         phase_half, phase_end = (x.phase + p.pressure_frequency * part for part in (h / 2.0, h))
@@ -214,7 +208,7 @@ def membrane_model(
         phase -= ca.floor(phase)
         V = ca.MX.zeros(0) if setup.gas is None else equations.volume(at)
         if rider is not None:
-            ride = rider.start(q, found, with_dead_loads(equations, found.f, u, p), gas, u, p)
+            ride = rider.start(q, found, with_nodal_loads(equations, found.f, at, u, p), gas, u, p)
             state = MembraneState(q, ride.s, phase, V, ride.frame)
             return state, results(state, u, p, found, gas) | ride.results
         state = MembraneState(q, ca.MX.zeros(n), phase, V, ca.MX.zeros(0))
@@ -295,6 +289,10 @@ def _cannot_ride(structure: Structure) -> Iterator[Mistake]:
     if structure.setup.springs:
         text = "on a frame that flies supports are rigid. Leave out 'stiffness'."
         yield Mistake(("supports", structure.setup.springs[0], "stiffness"), text)
+    for i, load in enumerate(structure.setup.loads):
+        if load.kind == "centrifugal":
+            text = "a frame that flies turns the membrane itself, by 'angular_velocity'. Leave out the centrifugal load."
+            yield Mistake(("loads", i, "kind"), text)
 
 
 def _gauge(structure: Structure, gauge: Gauge) -> tuple[list[int], Callable[[ca.MX, Any], ca.MX]]:
@@ -347,18 +345,18 @@ def first_period(structure: Structure, given: Mapping[str, ArrayLike] | None = N
 
     Notes
     -----
-    The smallest :math:`\omega` of :math:`K v = \omega^2 M v`, with the inertia of the model,
-    :math:`M = m\,(n n^T + k\,(1 - n n^T))`.
+    The smallest :math:`\omega` of :math:`K v = \omega^2 M v`, with the inertia of the model, scaled along the surface.
     """
-    equilibrium = Equilibrium(structure, membrane_model(structure))
-    found = equilibrium.solve(given or {"damage": np.zeros((1, structure.n_zones))})
+    model = membrane_model(structure)
+    equilibrium, first = Equilibrium(structure, model), model.variables[0]
+    found = equilibrium.solve({first.name: first.start or 0.0} | dict(given or {}))
     if found.failed[0]:
         msg = "there is no equilibrium to vibrate about. Check supports, prestress and loads of the setup."
         raise ConvergenceError(msg)
     K = equilibrium.tangent(found, 0)
-    normals, k = structure.normals[structure.moving], structure.surface_inertia[structure.moving, None, None]
-    across = np.einsum("ni,nj->nij", normals, normals)
-    blocks = structure.mass[structure.moving, None, None] * (across + k * (np.eye(3) - across))
+    N = structure.slowing[structure.moving, :, None]
+    kept = np.eye(3) * (1.0 - np.sum(N**2, axis=1, keepdims=True)) + N * N.transpose(0, 2, 1)
+    blocks = structure.mass[structure.moving, None, None] * np.linalg.inv(kept)
     M = scipy.sparse.block_diag([scipy.sparse.csc_array(each) for each in blocks], format="csc")
     M = M[:, equilibrium.free][equilibrium.free]
     shift = -_SHIFT * float(np.max(np.abs(K.diagonal()) / M.diagonal()))

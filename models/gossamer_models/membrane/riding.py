@@ -7,7 +7,6 @@ Symbols: ``q`` displacements [m] of the M nodes that move, ``at`` their position
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 import casadi as ca
 
@@ -17,6 +16,7 @@ from .frame import (
     FrameState,
     FrameStep,
     Mounting,
+    accelerated,
     cross,
     drift,
     frame_results,
@@ -106,10 +106,9 @@ class Rider:
         structure, shared = equations.structure, pack(_LIKE).numel()
         n, mass = len(structure.moving), structure.mass[structure.order]
         self._equations, self._n_q, self._compiled = equations, 3 * n, compiled
-        self._normals = [equations.arrays["normals"]] if structure.setup.inplane_mass > 1.0 else []
+        self._slowing = [equations.arrays["slowing"]] if structure.setup.inplane_mass > 1.0 else []
         self._drift = NodeLoop("drift", _drift, 2, shared, mass[:n])
-        k, more = 0.0 if structure.setup.lines else structure.setup.inplane_mass, self._normals
-        self._kick = NodeLoop("kick", partial(_kick, k=k), 4 + len(more), shared, mass[:n])
+        self._kick = NodeLoop("kick", _kick, 4 + len(self._slowing), shared, mass[:n])
         self._held = NodeLoop("held", _held, 3, shared, mass[n:])
         if compiled:
             equations.loops += [nodes.loop for nodes in (self._drift, self._kick, self._held)]
@@ -147,7 +146,7 @@ class Rider:
     ) -> tuple[ca.MX, ca.MX, ca.MX, tuple[ca.MX, ca.MX]]:
         """Return positions and velocities at the end of the step, the force on the frame in its middle, and the masses."""
         n, d = self._n_q, pack(common)
-        (moved, s), sums = self._kick([at[:n], s, f[:n], found.f[:n], *self._normals], d, compiled=self._compiled)
+        (moved, s), sums = self._kick([at[:n], s, f[:n], found.f[:n], *self._slowing], d, compiled=self._compiled)
         _, held = self._held([at[n:], f[n:], found.f[n:]], d, compiled=self._compiled)
         return moved, s, sums[16:] + held[10:], (sums[:16], held[:10])
 
@@ -159,7 +158,7 @@ def _drift(vectors: list[Columns], d: ca.MX, own: Entry) -> tuple[list[Columns],
     return [_shifted(r, -common.shift), s], []
 
 
-def _kick(vectors: list[Columns], d: ca.MX, own: Entry, k: float) -> tuple[list[Columns], list[Entry]]:
+def _kick(vectors: list[Columns], d: ca.MX, own: Entry) -> tuple[list[Columns], list[Entry]]:
     """Kick a node and move it by the other half: place and velocity; its sums, and what it exerts on the frame.
 
     Notes
@@ -169,12 +168,12 @@ def _kick(vectors: list[Columns], d: ca.MX, own: Entry, k: float) -> tuple[list[
     nodes they add up to the load, of which enclosed
     gas pushes the frame the other way than the membrane.
     """
-    common, (at, s, f, found, *normals) = unpack(_LIKE, d), vectors
+    common, (at, s, f, found, *slowing) = unpack(_LIKE, d), vectors
     m, r = common.weight * own, _shifted(at, common.shift)
     free = [x / m for x in f]
     pull, less, middle = free, [], s
-    for _ in range(2 if normals else 0):  # by the velocity before the kick, then by that in its middle
-        less = held_back(common.a, common.w, common.w_dot, k, normals[0], r, middle, free)
+    for _ in range(2 if slowing else 0):  # by the velocity before the kick, then by that in its middle
+        less = held_back(slowing[0], accelerated(common.a, common.w, common.w_dot, r, middle, free))
         pull = [x - y for x, y in zip(free, less, strict=True)]
         after, _ = kick(common.h, common.a, common.w, r, s, pull, common.damping)
         middle = [(x + y) / 2.0 for x, y in zip(s, after, strict=True)]

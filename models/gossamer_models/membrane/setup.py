@@ -158,28 +158,28 @@ class Load:
     ----------
     name : str
         Name of the input.
-    kind : {"pressure", "dead_pressure", "light", "force"}
+    kind : {"pressure", "dead_pressure", "light", "force", "centrifugal"}
         Pressure [Pa] along the normal as the surface turns, or along that of the reference shape. Light: pressure [Pa] of
         light that is wholly absorbed; its direction of travel is the input ``<name>_direction``, its share [1] in shadow
-        ``<name>_eclipse``. Force [N] on every node of groups, or in all at a point.
+        ``<name>_eclipse``. Force [N] on every node of groups, or in all at a point. Centrifugal: rate of turn [rad/s].
     groups : tuple of str
         Groups of faces, or of nodes for forces; empty for all faces.
     start : float
         Start value of the input.
     direction : tuple of float
-        Of a force, or where light travels to at the start.
+        Of a force, of the axis of a centrifugal load, or where light travels to at the start.
     reflectivity, diffuse : float
         Shares of the light [1] that are mirrored and scattered evenly; the rest is absorbed.
     emissivity : tuple of float
         Of the side that the normal of the surface is on, and of the other [1]: they share the heat of absorbed light.
     point : tuple of float or None
-        Where a force acts [m], in place of groups.
+        Where a force acts [m], in place of groups; of the axis of a centrifugal load, None for the origin.
     radius : float
         It is spread evenly over the surface this far around the point [m].
     """
 
     name: str
-    kind: Literal["pressure", "dead_pressure", "light", "force"] = "pressure"
+    kind: Literal["pressure", "dead_pressure", "light", "force", "centrifugal"] = "pressure"
     groups: tuple[str, ...] = ()
     start: float = 0.0
     direction: Triple = (0.0, 0.0, 1.0)
@@ -207,8 +207,10 @@ class Load:
             mistakes.append(Mistake(("emissivity",), text))
         optical = {name: getattr(self, name) != 0.0 for name in shares} | {"emissivity": self.emissivity != BLACK}
         wrong = {name: (there and self.kind != "light", "light") for name, there in optical.items()}
-        wrong["point"] = self.point is not None and self.kind != "force", "a force at a point"
-        wrong["radius"] = self.radius > 0.0 and self.point is None, "a force at a point"
+        of_points = "a force at a point or the axis of a centrifugal load"
+        wrong["point"] = self.point is not None and self.kind not in ("force", "centrifugal"), of_points
+        wrong["radius"] = self.radius > 0.0 and (self.kind != "force" or self.point is None), "a force at a point"
+        wrong["groups"] = bool(self.groups) and self.kind == "centrifugal", "loads that do not act on all masses"
         misplaced = ((name, owner) for name, (there, owner) in wrong.items() if there)
         mistakes += [Mistake((name,), f"{name!r} belongs to {owner}. Leave it out.") for name, owner in misplaced]
         raise_any(mistakes)
@@ -530,6 +532,11 @@ class Setup:
     def lights(self) -> tuple[Load, ...]:
         """Loads that are light."""
         return tuple(load for load in self.loads if load.kind == "light")
+
+    @property
+    def spins(self) -> tuple[Load, ...]:
+        """Loads that are centrifugal."""
+        return tuple(load for load in self.loads if load.kind == "centrifugal")
 
     @property
     def warms(self) -> bool:

@@ -44,7 +44,8 @@ def membrane_shape(structure: Structure, variables: Sequence[Variable]) -> bytes
     Numbers of variables, or -1 for none: ``moved_by`` and ``size``, none being 1, and ``youngs_modulus``,
     ``temperature``, of some also ``zone_temperature`` to add, and ``poisson_from`` (R,), which is in place of
     ``poisson_ratio`` (R,) [1]. Of regions also
-    ``thermal_expansion`` [1/K] (R,), ``prestress`` [Pa] and ``direction`` (R, 3). ``sensor_points``, in units of
+    ``thermal_expansion`` [1/K] (R,), ``prestress`` [Pa] and ``direction`` (R, 3); of parts ``part_of`` (R,), regions of the
+    setup from 0. ``sensor_points``, in units of
     the size, and ``sensor_directions`` (K, 3). Of cables and beams ``segments`` (s, 2), nodes, and ``segment_zone`` (s,).
     """
     setup, mesh = structure.setup, structure.mesh
@@ -62,6 +63,7 @@ def membrane_shape(structure: Structure, variables: Sequence[Variable]) -> bytes
     if "zone_temperature[1]" in number:
         parts, part = np.unique(np.column_stack([structure.region, structure.zone]), axis=0, return_inverse=True)
         regions = parts[:, 0].tolist()
+        warm["part_of"] = parts[:, 0]
         warm["zone_temperature"] = _integers([number.get(f"zone_temperature[{zone + 1}]", -1) for zone in parts[:, 1]])
     arrays = {
         "nodes": (mesh.nodes - structure.origin) / size,

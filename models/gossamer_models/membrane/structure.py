@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Vector
+from ..arrays import Matrix, Vector
 from ..errors import DataError
 from ..mistakes import DescriptionError, Mistake, raise_any
 from ..variables import Variable
@@ -151,18 +151,18 @@ class Structure:
         return self.variables(self.setup, self.zone_names, len(self.mesh.nodes))
 
     @property
-    def surface_inertia(self) -> Vector:
-        r"""Factors k on the inertia of nodes along the surface [1], shape (N,); only the film's share s of a mass is scaled.
+    def slowing(self) -> Matrix:
+        r"""Vectors N along the normals n [1], shape (N, 3), of what scaled inertia takes from accelerations A of nodes.
 
         Notes
         -----
-        With the setup's own factor K, :math:`k = 1 + s\,(K - 1)`: cables, beams and masses on them keep their inertia.
+        :math:`a = A - (|N|^2 A - N\,(N \cdot A))` with :math:`|N|^2 = 1 - 1/k`, which is A/k along the surface and A across
+        it. Of the setup's own factor K a node has :math:`k = 1 + s\,(K - 1)`, where s is the film's share of its mass:
+        cables, beams and point masses keep their inertia.
         """
-        setup, k = self.setup, np.full(len(self.mesh.nodes), self.setup.inplane_mass)
-        if not setup.lines:
-            return k
-        added = line_masses(setup.lines, self.mesh) + point_masses(setup.masses, self.mesh)
-        return np.asarray(1.0 + (k - 1.0) * (1.0 - added / np.maximum(self.mass, 1e-300)))
+        added = line_masses(self.setup.lines, self.mesh) + point_masses(self.setup.masses, self.mesh)
+        k = 1.0 + (self.setup.inplane_mass - 1.0) * (1.0 - added / np.maximum(self.mass, 1e-300))
+        return np.asarray(np.sqrt(1.0 - 1.0 / k)[:, None] * self.normals)
 
     @property
     def areas(self) -> Vector:
@@ -351,7 +351,7 @@ def make_structure(setup: Setup, mesh: SurfaceMesh) -> Structure:
     free, sprung = free_displacements(setup, mesh), springs(setup, mesh, mass + of_lines)
     added += of_lines
     mass += added
-    raise_any([*loose(mesh, free & ~sprung.any(axis=0)), *leaking(setup, mesh, free, encloses)])
+    raise_any([*loose(setup, mesh, free & ~sprung.any(axis=0)), *leaking(setup, mesh, free, encloses)])
     drawn = np.array([setup.supports[i].stiffness for i in setup.springs])
     stiffness += (drawn @ sprung).reshape(-1, 3).max(axis=1)
     lines: tuple[LineParts, ...] = ()
@@ -454,7 +454,7 @@ def _measured(setup: Setup, mesh: SurfaceMesh, which: int, region: Integers) -> 
 def _hit(setup: Setup, mesh: SurfaceMesh) -> Iterator[Mistake]:
     """Find forces at points that are away from the surface."""
     for i, load in enumerate(setup.loads):
-        if load.point is None:
+        if load.kind != "force" or load.point is None:
             continue
         away = float(np.linalg.norm(nearest_place(mesh, np.array(load.point))[0] - load.point))
         if away > max(_FAR * mesh.size, load.radius):

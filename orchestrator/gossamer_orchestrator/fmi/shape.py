@@ -51,6 +51,8 @@ class Surface:
         Where the sensors are [m], and along what they measure.
     segments, segment_zone : ndarray of int, shapes (s, 2) and (s,)
         Nodes of each segment of a cable or beam, and its zone.
+    part_of : ndarray of int, shape (R,) or (0,)
+        Region of the setup, from 0, that each is a part of, if regions come apart.
     """
 
     nodes: Array
@@ -64,6 +66,12 @@ class Surface:
     sensor_directions: Array
     segments: Integers = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
     segment_zone: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    part_of: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+
+    @property
+    def region_of_setup(self) -> Integers:
+        """Region of the setup that each face belongs to, from 0, shape (n,)."""
+        return self.part_of[self.region] if len(self.part_of) else self.region
 
     @property
     def zones(self) -> int:
@@ -73,7 +81,13 @@ class Surface:
     @classmethod
     def stored(cls, files: Mapping[str, Any]) -> Surface:
         """Make it of the arrays of ``shape.npz``, lengths in units of the size."""
-        there = ("faces", "element", "region", "zone", *(name for name in ("segments", "segment_zone") if name in files))
+        there = (
+            "faces",
+            "element",
+            "region",
+            "zone",
+            *(name for name in ("segments", "segment_zone", "part_of") if name in files),
+        )
         integers = {name: files[name].astype(np.int64) for name in there}
         floats = ("nodes", "poisson_ratio", "direction", "sensor_points", "sensor_directions")
         return cls(**integers, **{name: files[name].astype(float) for name in floats})

@@ -49,6 +49,11 @@ def add_reduced(path: Path, vehicle: Any, place: ArrayLike = (0.0, 0.0, 0.0), ax
     axes : array_like, shape (3, 3)
         Turns vectors from the membrane's axes to those of the body.
 
+    Raises
+    ------
+    SimulationError
+        The hub is too light: without what the modes take of it nothing with a mass and an inertia is left.
+
     Returns
     -------
     list of Basilisk.simulation.linearSpringMassDamper.LinearSpringMassDamper
@@ -64,7 +69,17 @@ def add_reduced(path: Path, vehicle: Any, place: ArrayLike = (0.0, 0.0, 0.0), ax
     J = A @ (whole[3:, 3:] - sum(m * of_point(r) for m, r in zip(mass, places, strict=True))) @ A.T
     J = J + rest * of_point(at) + 2.0 * (at @ first) * np.eye(3) - np.outer(at, first) - np.outer(first, at)
     six = [J[i, k] for i, k in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
-    _add_mass(vehicle.hub, np.array([rest, *(first + rest * at), *six]))
+    hub, numbers = vehicle.hub, np.array([rest, *(first + rest * at), *six])
+    left, _, inertia = with_edge(hub.mHub, np.ravel(hub.r_BcB_B), np.array(hub.IHubPntBc_B), numbers)
+    if not (left > 0.0 and np.linalg.eigvalsh(inertia).min() > 0.0):
+        inertias = ", ".join(f"{each:.3g}" for each in np.linalg.eigvalsh(inertia))
+        msg = (
+            f"the {len(mass)} modes of {path} move {mass.sum():.3g} kg, each along its own line, where the membrane has "
+            f"{whole[0, 0]:.3g} kg. They leave the hub {left:.3g} kg, and {inertias} kg m2 about its axes. Reduce to fewer "
+            "modes, or set the hub's mass and inertia, which must be larger, before."
+        )
+        raise SimulationError(msg, component="hub", time=0.0)
+    _add_mass(hub, numbers)
     found = []
     for m, r, p, k, c in zip(mass, places, directions, *rates, strict=True):
         one = linearSpringMassDamper.LinearSpringMassDamper()

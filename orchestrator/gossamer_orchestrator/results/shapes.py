@@ -118,6 +118,7 @@ _DIMS = {  # of what a surface holds, besides its name
     "sensor_directions": ("sensor", "axis"),
     "segments": ("segment", "end"),
     "segment_zone": ("segment",),
+    "part_of": ("region",),
 }
 _SHARED = {"axis": 3, "corner": 4}
 

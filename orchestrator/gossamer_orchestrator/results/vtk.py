@@ -79,7 +79,9 @@ def write_surface(
     except ModuleNotFoundError:
         msg = "files for ParaView need meshio, which is not installed. Install it with 'pip install meshio'."
         raise ResultsError(msg) from None
-    known = {"zone": np.append(surface.zone, surface.segment_zone) + 1, "region": surface.region + 1} | dict(of_faces)
+    known = {"zone": np.append(surface.zone, surface.segment_zone) + 1, "region": surface.region_of_setup + 1} | dict(
+        of_faces
+    )
     known["element"] = surface.element + 1
     triangle, line = surface.faces[:, 3] < 0, np.full(len(surface.segments), True)
     blocks = [("quad", ~triangle, 4), ("triangle", triangle, 3)]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from command_line import invoke
 from gossamer_models import Stepper
-from gossamer_models.membrane import Cable, Support, membrane_model, square_structure
+from gossamer_models.membrane import Cable, Support, Zone, membrane_model, square_structure
 from gossamer_orchestrator import ResultsError
 from gossamer_orchestrator.fmi.shape import Shape, Surface
 from gossamer_orchestrator.results.places import _zone_centres
@@ -211,6 +211,22 @@ def test_cables_are_drawn_on_the_page_in_paraview_and_have_a_place_as_zones(know
     assert mesh.cell_data["zone"][lines].tolist() == [2, 2]
     assert mesh.cell_data["true_damage"][lines] == pytest.approx([0.3, 0.3])
     assert np.isnan(mesh.cell_data["largest_strain"][lines]).all()
+
+
+def test_regions_in_paraview_are_those_of_the_setup_where_zones_have_temperatures_of_their_own(known, tmp_path):
+    """Their parts, which have eigenstrains of their own, are no regions."""
+    meshio = pytest.importorskip("meshio", reason="files for ParaView need meshio")
+    model = sail_model(more_zones=(Zone(group="right", parts=3),))
+    stepper, shape = Stepper(model), shape_of(model)
+    stepper.initialize()
+    drawn = shape.surface(stepper.state)
+    assert len(np.unique(drawn.region)) == 4
+    pair = shape.read(stepper.state)
+    create_shapes(tmp_path / "shapes.nc", {"membrane": drawn}, 0.0, {"membrane": pair})
+    (path,) = export_vtk(known.drop_vars("membrane.w"), load_shapes(tmp_path), tmp_path)
+    mesh = meshio.read(path.with_name("membrane_0000.vtu"))
+    region, zone = (np.concatenate(mesh.cell_data[name]) for name in ("region", "zone"))
+    assert region.tolist() == np.where(zone == 1, 1, 2).tolist()
 
 
 def test_a_mesh_of_both_kinds_is_read_back(known, tmp_path):
