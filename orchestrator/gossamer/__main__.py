@@ -1,14 +1,16 @@
-"""The program ``gossamer``: the command line, and how the signals that ask for its end do end it.
+"""The program ``gossamer``: the command line, its streams, and how the signals that ask for its end do end it.
 
 They all do what Ctrl-C does: a command is interrupted, says so, and leaves whole files. After that nothing holds it up, such
-as a thread that is still at work.
+as a thread that is still at work. A stream that is closed, or at whose end nobody reads any more, takes no result away.
 """
 
+import io
 import os
 import signal
 import sys
 from contextlib import suppress
 from types import FrameType
+from typing import TextIO
 
 from gossamer_files import ending_signals
 
@@ -44,8 +46,37 @@ def interrupt_in(seconds: float) -> None:
         signal.setitimer(signal.ITIMER_REAL, seconds)
 
 
+class Messages(io.TextIOWrapper):
+    """What is told; where nobody can read it any more, as on a terminal that was closed, it goes nowhere."""
+
+    def write(self, text: str, /) -> int:
+        """Write a text, or let it and all that follows go."""
+        try:
+            return super().write(text)
+        except OSError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), self.fileno())
+            return len(text)
+
+
+def open_streams() -> None:
+    """Open the standard streams that are closed, before a file takes their numbers, and let none of stderr's errors out."""
+    for number in range(3):
+        with suppress(OSError):
+            os.fstat(number)
+            continue
+        os.open(os.devnull, os.O_RDWR)  # it gets the least number that is free
+    streams: list[TextIO | None] = [sys.stdin, sys.stdout, sys.stderr]
+    if streams[0] is None:
+        sys.stdin = os.fdopen(0, encoding="utf-8")
+    if streams[1] is None:
+        sys.stdout = os.fdopen(1, "w", encoding="utf-8")
+    coding = "utf-8" if streams[2] is None else streams[2].encoding
+    sys.stderr = Messages(io.FileIO(2, "wb", closefd=False), coding, "backslashreplace", write_through=True)
+
+
 def main() -> None:
     """Run the command line; exit with its code."""
+    open_streams()
     numbers = ending_signals()
     for number in numbers:
         signal.signal(number, interrupt)

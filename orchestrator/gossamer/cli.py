@@ -60,6 +60,7 @@ def main(tokens: Sequence[str] | None = None) -> None:
         words = ["/dev/stdin" if word == "-" else word for word in words]
     style = os.environ.get(STYLE)
     os.environ[STYLE] = DASHES  # processes that this one starts write as it does
+    code = 0
     try:
         code = _run(words)
         print(end="", flush=True)
@@ -67,7 +68,7 @@ def main(tokens: Sequence[str] | None = None) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # where Python sends what is left when it ends
         if not isinstance(error, BrokenPipeError):  # where nobody reads any more, nothing is wrong
             print(f"cannot write the answer: {error.strerror or error}. Send it elsewhere.", file=sys.stderr)
-        code = 1
+        code = code or 1
     finally:
         TERMINAL.quiet, TERMINAL.talks, TERMINAL.typed = False, False, None
         del os.environ[STYLE]

@@ -182,14 +182,14 @@ class Clocked(Instance3):
     def _due(self) -> list[FmuClock]:
         return [clock for clock in self._clocks if clock.due is not None and self._is_at(self._reached, float(clock.due))]
 
-    def _update(self) -> bool:
+    def update_events(self) -> bool:
         """Tick the clocks that are due, and let the FMU handle its events; True if it ends the simulation."""
         ticking = self._due()
         for _ in range(MAX_UPDATES):
             now = max((clock.due for clock in ticking if clock.due is not None), default=Fraction(repr(self._reached)))
             if ticking:
                 self._tick({clock.reference for clock in ticking})
-            if super()._update():
+            if super().update_events():
                 return True
             for clock in self._clocks:
                 if clock in ticking:

@@ -21,7 +21,7 @@ from fmpy.model_description import ValidationError
 from ..errors import FmuError
 from ..names import split_indices
 from .archive import check_archive, unpack
-from .types import SAME, TEXTS, parse
+from .types import FLOATS, SAME, TEXTS, parse
 
 OPTIONAL = "optional"  # declared type of inputs that may stay at their start values
 
@@ -156,6 +156,11 @@ class FmuFile:
         """Tell whether an input may stay at its start value: its declared type is ``OPTIONAL``."""
         declared = self.variables[name].declaredType
         return declared is not None and declared.name == OPTIONAL
+
+    def is_continuous(self, name: str) -> bool:
+        """Tell whether a variable may change between events."""
+        variable = self.variables[name]
+        return variable.type in FLOATS and variable.variability in (None, "continuous")
 
     def feedthrough(self) -> dict[str, list[str]]:
         """List, for each output, the inputs it depends on at the same instant; undeclared means all of them."""

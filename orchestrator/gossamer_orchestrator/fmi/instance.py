@@ -162,13 +162,17 @@ class Instance:
 
     def leave_event_mode(self) -> bool:
         """Let the FMU handle its events and return to the mode before; True if it ends the simulation."""
-        if self._update():
+        if self.update_events():
             return True
-        self._call("could not leave its event mode", self._LEAVE)
+        self.resume()
         return False
 
-    def _update(self) -> bool:
-        """Let the FMU handle its events; True if it ends the simulation."""
+    def resume(self) -> None:
+        """Return from the event mode to the mode before."""
+        self._call("could not leave its event mode", self._LEAVE)
+
+    def update_events(self) -> bool:
+        """Let the FMU handle its events, in event mode; True if it ends the simulation."""
         for _ in range(MAX_UPDATES):
             again, over, _, _, defined, event = self._call("could not handle its events", self._UPDATE)
             if over:

@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import ctypes
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from fmpy.fmi1 import FMICallException
 
@@ -119,30 +119,43 @@ class Instance3(Instance):
 
 
 TOLERANCE = 1e-6  # relative, of the integration, where the model description names none
+_TIGHTER = 0.1  # of several as one system, none of which knows what the others add to its error
 MAX_EVENTS = 10_000  # within one communication step
 _SMALLER = " Use a smaller 'step', or correct its parameters."
 
 
 class ModelExchange(Instance):
-    """What both versions of FMI have in common; see ``Instance``."""
+    """What both versions of FMI have in common; see ``Instance``.
+
+    Attributes
+    ----------
+    joined : bool
+        It is integrated together with what feeds it, so that what it receives may change at any time without an event.
+    anew : bool
+        The integration starts anew.
+    jumps : int
+        How often inputs were set in an event of its own.
+    """
 
     _LEAVE = "enterContinuousTimeMode"
 
     def __init__(self, fmu: FmuFile, name: str, time: float = 0.0) -> None:
-        self._integrator_class = _load_integrator(fmu)
+        _load_integrator(fmu)
         super().__init__(fmu, name, time)
-        self._anew = True  # whether the integration starts anew
+        self.joined, self.anew, self.jumps = False, True, 0
+        self._in_events = True
         self._saved = [(math.inf, time), (math.inf, time)]  # next event and time [s] of the saved states
         asked = getattr(self.fmu.description.defaultExperiment, "tolerance", None)
         self.tolerance = float(asked) if asked else TOLERANCE
 
     @cached_property
-    def _integrator(self) -> Integrator:
-        return self._integrator_class(self._slave, self.fmu.description, self.time, self.tolerance)
+    def _alone(self) -> Integration:
+        return Integration([self])
 
     def set_start(self, values: Mapping[str, Value]) -> None:
         """Set parameters and inputs of any type by name."""
         if values:
+            self.jumps += 1
             self._jump(lambda: super(ModelExchange, self).set_start(values))
 
     def exit_initialization(self) -> None:
@@ -151,13 +164,37 @@ class ModelExchange(Instance):
         self._leave_events()
 
     def write(self, port: Port) -> None:
-        """Set inputs, which is an event if one of them has changed."""
-        self._write_changed(port)
+        """Set inputs that may change continuously, which is an event if one of them has changed and nothing is joined."""
+        if self.joined:
+            self._write(port)
+        else:
+            self._write_changed(port)
+
+    def write_events(self, port: Port) -> None:
+        """Set inputs that change in events only, which is one if one of them has changed; joined, in events only."""
+        if not self.joined:
+            self._write_changed(port)
+        elif self._in_events:
+            self._write(port)
 
     def enter_event_mode(self) -> None:
         """Enter the mode in which inputs may jump, after which the integration starts anew."""
-        self._anew = True
+        self.anew = self._in_events = True
         super().enter_event_mode()
+
+    def handle_events(self) -> bool:
+        """Handle the present events; True, and it is noted, if it ends the simulation."""
+        self.enter_event_mode()
+        return self._leave_events()
+
+    def note_end(self) -> None:
+        """Note that it has ended the simulation in the present event."""
+        self._end(self._reached, self._reached)
+
+    def resume(self) -> None:
+        """Return from the event mode to the mode before."""
+        super().resume()
+        self._in_events = False
 
     def save_state(self, slot: int = 0) -> None:
         """Save the present state in a slot, 0 or 1, in place of the one saved there before."""
@@ -168,35 +205,88 @@ class ModelExchange(Instance):
         """Restore the state saved in a slot, with the inputs of then."""
         super().restore_state(slot)
         self._next_event, self._reached = self._saved[slot]
-        self._anew = True
+        self.anew = True
 
     def step(self, time: ctypes.c_double, size: ctypes.c_double) -> bool:
         """Integrate from ``time`` [s] over ``size`` [s], with the events on the way; see ``Instance.step``."""
-        self._time = time
-        now, end, events = time.value, time.value + size.value, 0
+        return self._alone.step(time, size)
+
+
+class Integration:
+    """Integrate instances for model exchange as one system, with the events of any of them.
+
+    Parameters
+    ----------
+    parts : sequence of ModelExchange
+        They.
+    exchange : callable
+        Brings their inputs to what they send each other.
+    handle_events : callable, optional
+        Handles the present events of all; True, and it is noted, if one ends the simulation. Only one needs none.
+
+    Attributes
+    ----------
+    part : ModelExchange
+        The one that was called last.
+    """
+
+    def __init__(
+        self,
+        parts: Sequence[ModelExchange],
+        exchange: Callable[[], object] = lambda: None,
+        handle_events: Callable[[], bool] | None = None,
+    ) -> None:
+        self._parts, self.part, self.exchange = parts, parts[0], exchange
+        self._handle_events = handle_events or self.part.handle_events
+        self._keep = not all(part.fmu.can_repeat for part in parts)  # else an earlier state may be restored
+
+    @cached_property
+    def _integrator(self) -> Integrator:
+        descriptions, tolerance = [part.fmu.description for part in self._parts], min(part.tolerance for part in self._parts)
+        if len(self._parts) > 1:
+            tolerance *= _TIGHTER
+        return _load_integrator(self.part.fmu)(self, descriptions, self.part.time, tolerance)
+
+    def enter(self, part: int) -> Any:  # noqa: ANN401
+        """Note that an instance is about to be called, and return FMPy's of it."""
+        self.part = self._parts[part]
+        return self.part._slave
+
+    def step(self, time: ctypes.c_double, size: ctypes.c_double) -> bool:
+        """Integrate from ``time`` [s] over ``size`` [s], with the events on the way; see ``Instance.step``."""
+        parts, events = self._parts, 0
+        now, end = time.value, time.value + size.value
+        for part in parts:
+            part._time = time
         while True:
             if events == MAX_EVENTS:
                 what = f"has had {events} events between t = {time.value:.9g} and {now:.9g} s, and more to come"
-                self._fail(what, _SMALLER, now)
+                self.part._fail(what, _SMALLER, now)
+            due = min(part._next_event for part in parts)
+            ended, asked = [], False
             try:
-                now, root = self._integrator.advance(now, min(end, self._next_event), anew=self._anew)
-                # an earlier state may be restored, if the FMU can do that at all
-                step_event, over = self._slave.completedIntegratorStep(not self.fmu.can_repeat)
+                now, root = self._integrator.advance(now, min(end, due), anew=any(part.anew for part in parts))
+                self.exchange()
+                for i, part in enumerate(parts):
+                    event, over = self.enter(i).completedIntegratorStep(self._keep)
+                    ended += [part] if over else []
+                    asked |= event
             except FMICallException as error:
                 if error.status == DISCARD:
                     return False
-                self._check(error.status, "failed")
+                self.part._check(error.status, "failed")
                 raise
             except ArithmeticError as error:
-                self._fail(f"cannot be integrated from t = {now:.9g} s: {error}", _SMALLER, now)
-            self._reached, self._anew = now, False
-            if over:
-                return self._end(now, end)
-            if root or step_event or now >= self._next_event:
+                self.part._fail(f"cannot be integrated from t = {now:.9g} s: {error}", _SMALLER, now)
+            for part in parts:
+                part._reached, part.anew = now, False
+            if ended:
+                at_end = [part._end(now, end) for part in ended]
+                return all(at_end)
+            if root or asked or now >= due:
                 events += 1
-                self.enter_event_mode()
-                if self._leave_events():
-                    return self._is_at(now, end)
+                if self._handle_events():
+                    return self.part._is_at(now, end)
             if now >= end:
                 return True
 

@@ -1,10 +1,11 @@
-"""CVode of SUNDIALS around the equations of an FMU for model exchange, through FMPy."""
+"""CVode of SUNDIALS around the equations of one or more FMUs for model exchange, through FMPy."""
 
 from __future__ import annotations
 
 import ctypes
 import sys
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
 
 from fmpy.fmi1 import FMICallException
 from fmpy.sundials import CV_ROOT_RETURN, CVode, CVodeSolver
@@ -23,43 +24,57 @@ _ONE_STEP = 2  # CV_ONE_STEP, which FMPy lacks
 _FATAL, _AGAIN = -1, 1  # what a function that CVode calls returns when it fails, and when a smaller step may help
 
 
+class System(Protocol):
+    """What is integrated as one: FMUs whose states stand one after another."""
+
+    def enter(self, part: int) -> Any:  # noqa: ANN401
+        """Note that an FMU is about to be called, and return FMPy's instance of it."""
+
+    @property
+    def exchange(self) -> Callable[[], object]:
+        """Brings the inputs to what the FMUs send each other at the time and the states that were set."""
+
+
 class _NoInputs:
-    """FMPy's solver sets inputs as functions of time with this; ours are constant over a step."""
+    """FMPy's solver sets inputs as functions of time with this; ours come from ``System.exchange``."""
 
     def apply(self, _time: float) -> None:
         """Do nothing."""
 
 
 class Integrator(CVodeSolver):  # type: ignore[misc]
-    """Integrate an FMU.
+    """Integrate FMUs.
 
     Parameters
     ----------
-    model : fmpy.fmi2.FMU2Model or fmpy.fmi3.FMU3Model
-        The FMU, in continuous-time mode.
-    description : fmpy.model_description.ModelDescription
-        As read by FMPy.
+    system : System
+        They, in continuous-time mode.
+    descriptions : sequence of fmpy.model_description.ModelDescription
+        Of each, as read by FMPy.
     time : float
         Present time [s].
     tolerance : float
         Relative tolerance; the absolute one is that of the states' nominal values.
     """
 
-    def __init__(self, model: Any, description: Any, time: float, tolerance: float) -> None:  # noqa: ANN401
-        three = description.fmiVersion.startswith("3")
-        self._model = model
+    def __init__(self, system: System, descriptions: Sequence[Any], time: float, tolerance: float) -> None:
+        self._system = system
         self._failure: BaseException | None = None
-        states = model.getNumberOfContinuousStates() if three else description.numberOfContinuousStates
-        indicators = model.getNumberOfEventIndicators() if three else description.numberOfEventIndicators
+        self._states, self._indicators, self._derivatives = [], [], []
+        for i, description in enumerate(descriptions):
+            model, three = system.enter(i), description.fmiVersion.startswith("3")
+            self._states.append(model.getNumberOfContinuousStates() if three else description.numberOfContinuousStates)
+            self._indicators.append(model.getNumberOfEventIndicators() if three else description.numberOfEventIndicators)
+            self._derivatives.append("getContinuousStateDerivatives" if three else "getDerivatives")
         super().__init__(
-            nx=states,
-            nz=indicators,
-            get_x=model.getContinuousStates,
-            set_x=model.setContinuousStates,
-            get_dx=model.getContinuousStateDerivatives if three else model.getDerivatives,
-            get_z=model.getEventIndicators,
-            get_nominals=model.getNominalsOfContinuousStates,
-            set_time=model.setTime,
+            nx=sum(self._states),
+            nz=sum(self._indicators),
+            get_x=lambda x, _: self._each("getContinuousStates", self._states, x),
+            set_x=lambda x, _: self._each("setContinuousStates", self._states, x),
+            get_dx=self._get_derivatives,
+            get_z=self._get_indicators,
+            get_nominals=lambda x, _: self._each("getNominalsOfContinuousStates", self._states, x),
+            set_time=self._set_time,
             input=_NoInputs(),
             startTime=time,
             relativeTolerance=tolerance,
@@ -67,6 +82,27 @@ class Integrator(CVodeSolver):  # type: ignore[misc]
         )
         _clear_handlers(self.sunctx)  # the first of them prints
         SUNContext_PushErrHandler(self.sunctx, self.ehfun_, None)
+
+    def _each(self, methods: str | Sequence[str], sizes: Sequence[int], values: Any) -> None:  # noqa: ANN401
+        """Call a method of every FMU that has any of the values, with the place of its own."""
+        first = 0
+        for i, size in enumerate(sizes):
+            if size:
+                method = methods if isinstance(methods, str) else methods[i]
+                getattr(self._system.enter(i), method)(ctypes.byref(values.contents, 8 * first), size)
+            first += size
+
+    def _get_derivatives(self, dx: Any, _: int) -> None:  # noqa: ANN401
+        self._system.exchange()
+        self._each(self._derivatives, self._states, dx)
+
+    def _get_indicators(self, z: Any, _: int) -> None:  # noqa: ANN401
+        self._system.exchange()
+        self._each("getEventIndicators", self._indicators, z)
+
+    def _set_time(self, time: float) -> None:
+        for i in range(len(self._states)):
+            self._system.enter(i).setTime(time)
 
     def advance(self, now: float, target: float, *, anew: bool) -> tuple[float, bool]:
         """Integrate from ``now`` [s] over one step of the integrator, not beyond ``target`` [s] or a zero of an indicator.

@@ -14,9 +14,9 @@ import csv
 import json
 import logging
 import shutil
-import weakref
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -46,7 +46,8 @@ MAKE_SOME = "Make them with 'gossamer run'."
 MOST_NAMED = 3  # folders
 _CSV_BYTES = 20  # a value, at most
 _LOADED = 20_000_000  # [byte] results above stay on the disk until they are used
-_CELLS = 500_000  # values that are in memory at a time
+_CELLS = 150_000  # values that are in memory at a time
+_NEAR = 4_000_000  # [byte] of a file that are mapped at a time
 
 
 def save_csv(data: xr.Dataset, folder: Path) -> None:
@@ -198,7 +199,8 @@ def _load_netcdf(path: Path, *, on_disk: bool) -> xr.Dataset:
     class OnDisk(xr.backends.BackendArray):
         """Values of one variable in the file."""
 
-        def __init__(self, data: NDArray[Any]) -> None:
+        def __init__(self, data: NDArray[Any], opened: _Opened) -> None:
+            self._opened = opened
             self.shape, self.dtype = data.shape, data.dtype.newbyteorder("=")
             whole = data
             while isinstance(whole.base, np.ndarray):
@@ -206,8 +208,22 @@ def _load_netcdf(path: Path, *, on_disk: bool) -> xr.Dataset:
             offset = data.__array_interface__["data"][0] - whole.__array_interface__["data"][0]
             self._form: Any = {"shape": data.shape, "dtype": data.dtype, "strides": data.strides, "offset": offset}
 
-        def read(self, key: Any) -> NDArray[Any]:  # noqa: ANN401
-            view: NDArray[Any] = np.ndarray(buffer=np.memmap(opened, mode="r"), **self._form)
+        def read(self, key: tuple[Any, ...]) -> NDArray[Any]:
+            if not key or not isinstance(key[0], slice | np.ndarray):
+                return self._mapped(key)
+            rows, *others = key
+            places = range(*rows.indices(self.shape[0])) if isinstance(rows, slice) else rows
+            places = places if isinstance(places, np.ndarray) or places.step > 0 else np.array(places)
+            found = None
+            for first, last in _near(places, self._form["strides"][0]):
+                part = self._mapped((places[first:last], *others))
+                found = np.empty((len(places), *part.shape[1:]), self.dtype) if found is None else found
+                found[first:last] = part
+            return self._mapped(key) if found is None else found
+
+        def _mapped(self, key: tuple[Any, ...]) -> NDArray[Any]:
+            key = tuple(slice(k.start, k.stop, k.step) if isinstance(k, range) else k for k in key)
+            view: NDArray[Any] = np.ndarray(buffer=np.memmap(self._opened.file, mode="r"), **self._form)
             return np.asarray(view[key], dtype=self.dtype)
 
         def __getitem__(self, key: Any) -> Any:  # noqa: ANN401
@@ -219,26 +235,47 @@ def _load_netcdf(path: Path, *, on_disk: bool) -> xr.Dataset:
     def content(data: NDArray[Any], *, whole: bool) -> Any:  # noqa: ANN401
         if not on_disk:
             return data.astype(data.dtype.newbyteorder("="), copy=False)
-        there = OnDisk(data)
+        there = OnDisk(data, opened)
         if not whole:
             return LazilyIndexedArray(there)
-        found = np.empty(there.shape, there.dtype)
-        for first in range(0, len(found), _CELLS):
-            found[first : first + _CELLS] = there.read(slice(first, first + _CELLS))
-        return found
+        return there.read((slice(None),))
 
     with netcdf_file(path, mmap=on_disk) as file:
         if on_disk:
-            opened = path.open("rb")  # it stays the same file, whatever takes its name
-            weakref.finalize(OnDisk, opened.close)
+            opened = _Opened(path)  # it stays the same file, whatever takes its name
         made = {
-            name: xr.Variable(each.dimensions, content(each.data, whole=each.dimensions == (name,)), attributes(each))
+            name: xr.Variable(
+                each.dimensions, content(each.data, whole=each.dimensions == (name,) != ("time",)), attributes(each)
+            )
             for name, each in file.variables.items()
         }
         dims = {name for each in made.values() for name in each.dims}
         coordinates = {name: made.pop(name) for name in [*made] if name in dims}
         # an index over time would read it whole
-        return xr.Dataset(made, xr.Coordinates(coordinates, indexes={}) if on_disk else coordinates, attributes(file))
+        if not on_disk:
+            return xr.Dataset(made, coordinates, attributes(file))
+        found = xr.Dataset(made, xr.Coordinates(coordinates, indexes={}), attributes(file))
+        found.set_close(opened.file.close)
+        return found
+
+
+def _near(places: range | NDArray[np.intp], size: int) -> list[tuple[int, int]]:
+    """Divide rows of some bytes each into pieces that stand near each other in the file: first and last + 1 of each."""
+    if isinstance(places, range):
+        many = max(1, _NEAR // (size * abs(places.step)))
+        return [(first, min(first + many, len(places))) for first in range(0, len(places), many)]
+    ends = np.flatnonzero(np.diff(places * size // _NEAR)) + 1
+    return list(pairwise([0, *ends.tolist(), len(places)])) if len(places) else []
+
+
+class _Opened:
+    """A file that is open as long as something is read from it: it is closed when the last of its variables goes."""
+
+    def __init__(self, path: Path) -> None:
+        self.file = path.open("rb")
+
+    def __del__(self) -> None:
+        self.file.close()
 
 
 def _load_csv(path: Path) -> xr.Dataset:

@@ -36,6 +36,37 @@ LEAST_RANGE = 1e-6  # [1] errors in shares of a smaller range say nothing
 Curve = Callable[[xr.Dataset], Array]
 
 
+class Times:
+    """The times of the rows [s], which may be longer than memory.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        Results.
+    """
+
+    def __init__(self, data: xr.Dataset) -> None:
+        self._time = data["time"].variable
+
+    def __len__(self) -> int:
+        return len(self._time)
+
+    def __getitem__(self, rows: int | slice | NDArray[np.intp]) -> Any:  # noqa: ANN401
+        return self._time[rows].to_numpy()[()]
+
+    def first_from(self, times: Any) -> NDArray[np.intp]:  # noqa: ANN401
+        """Return the first row at or after each of some times [s]; one beyond the last where there is none."""
+        parts = Pixels(len(self)).parts()
+        return np.asarray(sum((np.searchsorted(self[rows], times) for rows in parts), start=np.zeros((), dtype=np.intp)))
+
+    def are_even(self) -> bool:
+        """Tell whether all steps are alike, but for rounding."""
+        step = self[1] - self[0]
+        steps = (np.diff(self[rows.start : rows.stop + 1]) for rows in Pixels(len(self)).parts())
+        ends = [(each.min(), each.max()) for each in steps if each.size]
+        return bool(max(high for _, high in ends) - min(low for low, _ in ends) <= 1e-6 * step + 1e-12)
+
+
 def curve_of(name: str, place: int | None = None, factor: float = 1.0) -> Curve:
     """Return a function that reads ``factor`` times a variable, of an array its element ``place`` from 0."""
 
@@ -93,7 +124,7 @@ class Reader:
 
     def __init__(self, data: xr.Dataset, number: int, sensor: str, compensator: str) -> None:
         self.data, self.number, self.sensor, self.compensator = data, number, sensor, compensator
-        self.time: Array = data["time"].to_numpy()
+        self.time = Times(data)
         self.true = self._true()
         self.late = self._recorded(f"{compensator}.strain")
         self.resistance, self.reading = (self._recorded(f"{sensor}.resistance"), self._recorded(f"{compensator}.resistance"))
@@ -110,7 +141,7 @@ class Reader:
     @property
     def rows_late(self) -> int:
         """How many rows the delay is."""
-        return int(np.searchsorted(self.time, self.time[0] + self.delay - 1e-9)) if self.delay > 0.0 else 0
+        return int(self.time.first_from(self.time[0] + self.delay - 1e-9)) if self.delay > 0.0 else 0
 
     @property
     def strain(self) -> tuple[Curve, int] | None:
@@ -197,7 +228,7 @@ class Recorded:
 
     Attributes
     ----------
-    time : ndarray
+    time : Times
         Of all rows [s].
     ended : list of Judgement
         Windows of the detector; none if there is no detector.
@@ -209,7 +240,7 @@ class Recorded:
 
     def __init__(self, data: xr.Dataset, folder: Path) -> None:
         self.data = data
-        self.time: Array = data["time"].to_numpy()
+        self.time = Times(data)
         self.pixels = Pixels(len(self.time))
         ended = windows_of(data)[::-1]
         self.ended = ended[:: -(-len(ended) // MOST_WINDOWS) or 1][::-1]
@@ -260,7 +291,7 @@ class Recorded:
             surface = history.surface
             count = max(2, min(FRAMES, NUMBERS // (surface.nodes.size + 2 * len(surface.faces))))
             shown = np.unique(np.linspace(0, len(history.time) - 1, count).round().astype(int))
-            after = np.searchsorted(self.time, history.time[shown] - 1e-9 * (self.time[-1] - self.time[0]))
+            after = self.time.first_from(history.time[shown] - 1e-9 * (self.time[-1] - self.time[0]))
             return np.minimum(after, len(self.time) - 1), shown
         size = 1 if self.heights is None else 3 * int(np.prod(self.heights.shape[1:]))
         count = max(2, min(FRAMES, NUMBERS // size))

@@ -17,9 +17,11 @@ from typing import Protocol
 from ..fmi.clocks import start_instance
 from ..fmi.instance import Instance
 from ..mounts import HELD, HUB, MOVING, matrix, too_light, with_edge
+from ..scenario.connections import warn_of_apart
 from ..scenario.plan import Plan
 from ..words import first_few
 from . import position as at
+from .joined import JoinedGroup
 from .member import Member, SlowMember
 from .position import COMPONENT, Position, deferred_interrupt, open_position
 from .signals import Channel, Store
@@ -283,6 +285,8 @@ class Simulation:
                 self._enter_initialization(each)
             if group is not None:
                 group.initialize(start)
+                if isinstance(group, JoinedGroup) and group.diverged:
+                    self._split(group)
             for each in names:
                 member = self.member(each)
                 member.receive(0)
@@ -290,6 +294,8 @@ class Simulation:
                 self._check_start(member)
                 member.read(full=True)
                 self.store.arrive()
+            if isinstance(group, JoinedGroup) and group in self.groups:
+                group.begin()
             done.update(names)
         self._check_mounts()
         position[COMPONENT] = -1
@@ -297,17 +303,29 @@ class Simulation:
     def _make_stages(self) -> None:
         """Put the components of each group together; they are neighbours in the stepping order."""
         homes = {name: group for group in self.scenario.groups for name in group.components}
+        joined = {name: names for names in self.plan.joined for name in names}
         for member in self.members:
-            group = homes.get(member.name)
-            if group is None:
+            group, names = homes.get(member.name), joined.get(member.name)
+            if group is None and names is None:
                 self._stages.append(member)
             elif not self.groups or member.name not in self.groups[-1].names:
-                members = self.members[member.number : member.number + len(group.components)]
-                one = IteratedGroup(group, members, self.store, self.ended_by, strict=self._strict)
+                members = self.members[member.number : member.number + len(names or homes[member.name].components)]
+                one = (
+                    IteratedGroup(group, members, self.store, self.ended_by, strict=self._strict)
+                    if group is not None
+                    else JoinedGroup(members, self.store, self.ended_by, self.position)
+                )
                 self.groups.append(one)
                 self._stages.append(one)
         if self._pool is not None:
             self._stages = side_by_side(self._stages, self.plan, self.position, self._pool)
+
+    def _split(self, group: JoinedGroup) -> None:
+        """Integrate components one by one after all."""
+        warn_of_apart(self.scenario, group.names, group.diverged.rstrip("."))
+        self.groups.remove(group)
+        i = self._stages.index(group)
+        self._stages[i : i + 1] = group.split()
 
     def _enter_initialization(self, name: str) -> None:
         """Set the start values of a component, and its inputs at the start.

@@ -32,7 +32,8 @@ Wire = tuple[Connection, Channel | None]
 def needs_values(plan: ComponentPlan, instance: Instance, name: str) -> bool:
     """Tell whether a connected input is set by value: no Real, in a partly connected array, or only in an event."""
     variable, array = plan.fmu.variables[name], plan.fmu.array_of(name)
-    if variable.type != "Real" or (instance.event_mode and variable.variability == "discrete") or plan.fmu.clocks_of(name):
+    events = instance.event_mode or plan.fmu.model_exchange
+    if variable.type != "Real" or (events and variable.variability == "discrete") or plan.fmu.clocks_of(name):
         return True
     return (
         array is not None
@@ -61,6 +62,8 @@ class InputsOfType:
         names = plan.fmu.whole(c.input for c, _ in wires)
         self._instance, self._store, self._kind = instance, store, kind
         self._port = instance.port(names, kind)
+        free = plan.fmu.model_exchange and plan.fmu.is_continuous(names[0])
+        self._write = instance.write if free else instance.write_events
         self._index = {name: i for i, name in enumerate(names)}
         self._values: list[Any] = [plan.start.get(v, parse(kind, plan.fmu.variables[v].start)) for v in names]
         self._sources = []
@@ -90,7 +93,7 @@ class InputsOfType:
                 component, name = self._instance.name, list(self._index)[i]
                 msg = f"{component}.{name} cannot receive its value: {error}. Correct 'gain' and 'bias' of its connection."
                 raise SimulationError(msg, component=component, time=self._store.plan.scenario.seconds(tick)) from error
-        self._instance.write_events(self._port.put(self._values))
+        self._write(self._port.put(self._values))
 
 
 class OutputsOfType:
@@ -169,12 +172,13 @@ class Member:
         self.outputs: Port = instance.port([*sent, *recorded], values=y)
         wires = [(c, None if c.is_plain else Channel(c)) for c in plan.connections]
         direct: list[Wire] = []
-        by_type: dict[tuple[str, tuple[int, ...]], list[Wire]] = {}
+        by_type: dict[tuple[str, tuple[int, ...], bool], list[Wire]] = {}
         for wire in wires:
             name = wire[0].input
-            kind = plan.fmu.variables[name].type, plan.fmu.clocks_of(name)
+            continuous = plan.fmu.model_exchange and plan.fmu.is_continuous(name)
+            kind = plan.fmu.variables[name].type, plan.fmu.clocks_of(name), continuous
             (by_type.setdefault(kind, []) if needs_values(plan, instance, name) else direct).append(wire)
-        self.inputs_by_type = [InputsOfType(plan, kind, instance, store, group) for (kind, _), group in by_type.items()]
+        self.inputs_by_type = [InputsOfType(plan, kind, instance, store, group) for (kind, *_), group in by_type.items()]
         self.outputs_by_type = [
             OutputsOfType(instance, names, store, store.places[plan.name, names[0]], sent=sent)
             for kind, sent, names in plan.ports

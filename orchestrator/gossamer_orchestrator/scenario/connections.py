@@ -225,7 +225,9 @@ def sort_grouped(names: Iterable[str], edges: Mapping[str, Iterable[str]], group
     return [member for name in order for member in sort_components(inside.get(name, [name]), edges)]
 
 
-def order_components(draft: Draft, connections: Iterable[Connection], fed: Mapping[str, int]) -> tuple[list[str], list[str]]:
+def order_components(
+    draft: Draft, connections: Iterable[Connection], fed: Mapping[str, int], joined: Iterable[list[str]] = ()
+) -> tuple[list[str], list[str]]:
     """Return the orders of initialization and of stepping, and report orders that are not possible.
 
     Under Gauss-Seidel a connection from a later to an earlier component delays by one step. That is said where the
@@ -233,7 +235,7 @@ def order_components(draft: Draft, connections: Iterable[Connection], fed: Mappi
     group nothing delays.
     """
     scenario, files, problems = draft.scenario, draft.files, draft.problems
-    groups = [group.components for group in scenario.groups if set(group.components) <= set(files)]
+    groups = [group.components for group in scenario.groups if set(group.components) <= set(files)] + [*joined]
     pairs = {(connection.sender, connection.receiver) for connection in connections if not connection.delayed}
     feeds = {name: [other for other in files if (name, other) in pairs] for name in files}
     start_order = sort_grouped(files, feeds, groups)
@@ -322,17 +324,63 @@ def check_groups(draft: Draft, connections: Iterable[Connection]) -> None:
             problems.add(place, "the group's components are not connected to each other. Remove the group.")
 
 
-def warn_of_coupled_exchange(draft: Draft, connections: Iterable[Connection]) -> None:
+def join_exchange(draft: Draft, connections: Iterable[Connection]) -> list[list[str]]:
+    """List the FMUs for model exchange that are integrated as one system, because they feed each other.
+
+    Those that cannot be are integrated one by one, to first order in the step, which a warning says.
+    """
+    files = draft.files
+    inside = [c for c in connections if files[c.sender].model_exchange and files[c.receiver].model_exchange]
+    systems: list[set[str]] = []
+    for c in inside:
+        ends = {c.sender, c.receiver}
+        touched = [system for system in systems if system & ends]
+        systems = [system for system in systems if system not in touched] + [ends.union(*touched)]
+    joined = []
+    for system in systems:
+        names = [name for name in files if name in system]
+        why = _why_apart(draft, names, [c for c in inside if c.sender in system])
+        if why:
+            warn_of_apart(draft.scenario, names, why)
+        else:
+            joined.append(names)
+    return joined
+
+
+def _why_apart(draft: Draft, names: list[str], inside: Iterable[Connection]) -> str:
+    """Say why FMUs for model exchange that feed each other are not integrated as one system; empty if they are."""
+    scenario, files = draft.scenario, draft.files
+    if scenario.master == "jacobi":
+        return 'master = "jacobi" delays every connection'
+    grouped = {name for group in scenario.groups for name in group.components}
+    for name in names:
+        if name in grouped:
+            return f"{name} is in a group"
+        if scenario.components[name].every > 1:
+            return f"{name} does not take every step"
+        if files[name].clocks:
+            return f"{name} has clocks"
+    places = [scenario.order.index(name) for name in names if name in scenario.order] if scenario.order else []
+    if places and max(places) - min(places) >= len(names):
+        return "they do not stand side by side in 'order'"
+    for c in inside:
+        for key in ("noise", "dropout", "delayed"):
+            if getattr(c, key):
+                return f"{c.origin} -> {c.target} has {key!r}"
+        if files[c.sender].is_continuous(c.output) and not files[c.receiver].is_continuous(c.input):
+            return f"{c.target} may change in events only, and {c.origin} changes at any time"
+    return ""
+
+
+def warn_of_apart(scenario: Scenario, names: Iterable[str], why: str) -> None:
     """Say that FMUs for model exchange which feed each other are integrated one by one, so to first order in the step."""
-    exchange = {name for name, file in draft.files.items() if file.model_exchange}
-    inside = [c for c in connections if {c.sender, c.receiver} <= exchange and c.sender != c.receiver]
-    if coupled := list(dict.fromkeys(name for c in inside for name in (c.sender, c.receiver))):
-        logger.warning(
-            "%s: %s are for model exchange and connected: each is integrated by itself, with inputs held over a step, so "
-            "results are of first order in 'step'. Halve it to see what that changes, or export them as one FMU",
-            draft.scenario.source.where(("step",)),
-            ", ".join(coupled),
-        )
+    logger.warning(
+        "%s: %s are for model exchange and connected, but %s: each is integrated by itself, with inputs held over a step, "
+        "so results are of first order in 'step'. Halve it to see what that changes, or export them as one FMU",
+        scenario.source.where(("step",)),
+        ", ".join(names),
+        why,
+    )
 
 
 def check_steps(draft: Draft) -> None:

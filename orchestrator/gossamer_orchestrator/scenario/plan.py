@@ -18,7 +18,7 @@ from ..fmi.file import FmuFile
 from ..fmi.types import NUMBERS, TEXTS
 from ..names import matches, split_indices, suggest
 from ..words import first_few
-from .connections import Draft, check_connections, check_groups, check_steps, order_components, warn_of_coupled_exchange
+from .connections import Draft, check_connections, check_groups, check_steps, join_exchange, order_components
 from .histories import FILE, History, read_histories
 from .schema import Connection, Scenario, Value
 from .source import Location, Problems
@@ -84,6 +84,8 @@ class Plan:
         Components in the order of initialization: each after those that feed it.
     connections : tuple of Connection
         One per scalar that arrives; units are converted by their gain and bias.
+    joined : tuple of tuple of str
+        Components for model exchange that are integrated as one system, each time.
     histories : dict
         Inputs from files, by ``component.input``.
     events : dict
@@ -96,6 +98,7 @@ class Plan:
     components: tuple[ComponentPlan, ...]
     start_order: tuple[str, ...]
     connections: tuple[Connection, ...]
+    joined: tuple[tuple[str, ...], ...]
     histories: dict[str, History]
     events: dict[int, list[tuple[str, dict[str, Value]]]]
     columns: tuple[tuple[str, str], ...]
@@ -147,8 +150,8 @@ def make_plan(scenario: Scenario, fmus: Path, *, strict: bool = False) -> Plan:
     columns = _check_recording(draft, {c.target for c in connections})
     check_groups(draft, connections)
     check_steps(draft)
-    warn_of_coupled_exchange(draft, connections)
-    start_order, order = order_components(draft, connections, fed)
+    joined = join_exchange(draft, connections)
+    start_order, order = order_components(draft, connections, fed, joined)
     problems.raise_if_any()
 
     def plan_component(name: str) -> ComponentPlan:
@@ -178,6 +181,7 @@ def make_plan(scenario: Scenario, fmus: Path, *, strict: bool = False) -> Plan:
         components=tuple(plan_component(name) for name in order),
         start_order=tuple(start_order),
         connections=tuple(connections),
+        joined=tuple(tuple(names) for names in joined),
         histories=histories,
         events=events,
         columns=tuple(columns),

@@ -5,9 +5,11 @@
     python disturbed_command.py SEED TIMES COMMAND ...
 
 runs the command in ``complete``, a copy of the folder ``before``, and counts the moments at which a name or a file in this
-folder changes. Then it runs it in other copies: in ``killed_0``, ``killed_1``, ... it ends itself with SIGKILL at a moment
-drawn from the seed, and a file that is opened then has been emptied, as the system does; in ``full_0``, ... no file may
-become larger than a limit.
+folder changes. Then it runs it in other copies, where it is killed with SIGKILL: in ``killed_0``, ``killed_2``, ... it ends
+itself at such a moment drawn from the seed, and a file that is opened then has been emptied, as the system does; in
+``killed_1``, ``killed_3``, ... it is killed at any time of its life, one in each of equal parts of that, unless it has ended
+before. How many of these were alive stands on the standard output. In ``full_0``, ... no file may become larger than a
+limit.
 """
 
 import errno
@@ -17,6 +19,7 @@ import resource
 import shutil
 import signal
 import sys
+import time
 from pathlib import Path
 
 from gossamer.cli import main as command_line
@@ -56,8 +59,11 @@ def run(command, at, limit, report):
     return code
 
 
-def fork(folder, command, at=0, limit=0):
-    """Run the command in another process, which has everything loaded; return how it ended and its moments."""
+def fork(folder, command, at=0, limit=0, after=None):
+    """Run the command in another process, which has everything loaded, and kill it after a time [s], if that is given.
+
+    Return how it ended and its moments.
+    """
     shutil.copytree("before", folder)
     reading, writing = os.pipe()
     child = os.fork()
@@ -65,6 +71,9 @@ def fork(folder, command, at=0, limit=0):
         os.chdir(folder)
         os._exit(run(command, at, limit, writing))
     os.close(writing)
+    if after is not None:
+        time.sleep(after)
+        os.kill(child, signal.SIGKILL)  # a process that has ended can be sent signals until its parent knows of it
     with os.fdopen(reading) as report:
         text = report.read()
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), int(text or 0)
@@ -72,15 +81,24 @@ def fork(folder, command, at=0, limit=0):
 
 def main(seed, times, *command):
     """Run the command once, then disturb it."""
+    begun = time.monotonic()
     code, total = fork("complete", command)
-    times = int(times)
+    life, times = time.monotonic() - begun, int(times)
     if code or not total:
         sys.exit(f"the command ended with code {code} after {total} moments")
     moments = [*range(1, total + 1)] * (times // total + 1)  # each of them once before any is taken twice
-    for number, at in enumerate(random.Random(int(seed)).sample(moments, times)):
+    draw, anytime, alive = random.Random(int(seed)), times // 2, 0
+    for number, at in enumerate(draw.sample(moments, times)):
+        if number % 2:
+            code, _ = fork(f"killed_{number}", command, after=life * (number // 2 + draw.random()) / anytime)
+            if code not in (0, -signal.SIGKILL):
+                sys.exit(f"killed at any time it ended with code {code}")
+            alive += code != 0
+            continue
         code, _ = fork(f"killed_{number}", command, at)
         if code != -signal.SIGKILL:
             sys.exit(f"it was not killed at moment {at} of {total}, but ended with code {code}")
+    print(f"{alive} of {anytime} were alive")
     codes = [fork(f"full_{number}", command, limit=limit)[0] for number, limit in enumerate(LIMITS[:times])]
     if codes[0] != 1 or not set(codes) <= {0, 1}:
         sys.exit(f"with little space it ended with codes {codes}: {os.strerror(errno.EFBIG)} was expected")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import random
 import shutil
@@ -10,6 +11,7 @@ import subprocess
 import sys
 import time
 import zipfile
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +24,7 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="sends signals as POS
 
 CAMPAIGN = "cases = 64\nseed = 3\nstop = 0.06\n[damage]\nzones = [1, 2]\ndepth = [0.3, 0.5]\nhealthy = 0.1\n"
 SCENARIO = 'step = 0.01\nstop = 20.0\n[components.i]\nfmu = "integrator"\ninputs = { u = 1.0 }\n'
+FITS = ("identify", "twin")
 COMMANDS = {
     "build": ["build", "sensor", "compensator", "--out", "out"],
     "identify": ["identify", "rec.csv", "--modes", "2", "--relaxations", "0", "--out", "out/sensor.json"],
@@ -106,9 +109,12 @@ def test_an_interrupt_is_not_lost_where_python_passes_over_exceptions():
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_command_that_is_interrupted_says_so_and_leaves_no_mixture(prepared, tmp_path, kills, name):
-    """By one signal or by two, some time after its begin; it may also have ended before."""
-    moments = random.Random(name)
-    for number in range(len(name), len(name) + (kills or 1)):
+    """By one signal or by two, 20 to 150 ms apart, at any time of its life; a fit is interrupted twice as often."""
+    moments, reach, hits = random.Random(name), 4.5, 0
+    for number in itertools.count(len(name)):
+        if number - len(name) >= (kills or 1) * (1 + (name in FITS)) and hits:
+            break
+        assert number < len(name) + 10 or hits, "it had always ended before"
         folder = tmp_path / str(number)
         shutil.copytree(prepared, folder)
         before = (folder / "results/results.nc").read_bytes()
@@ -121,13 +127,18 @@ def test_a_command_that_is_interrupted_says_so_and_leaves_no_mixture(prepared, t
             text=True,
         )
         wait_until_it_listens(process)
-        time.sleep(moments.uniform(0.0, 4.5))
+        begun = time.monotonic()
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(moments.uniform(0.0, reach))
+            reach = 0.9 * (time.monotonic() - begun)
+        alive = process.poll() is None
         for pause in (0.0, moments.uniform(0.02, 0.15))[: 1 + number % 2]:
             time.sleep(pause)
             process.send_signal(kind)
         _, text = process.communicate(timeout=120)
         assert process.returncode in (0, 130), text
         assert "Traceback" not in text
+        hits += alive and process.returncode == 130
         assert process.returncode == 0 or "nterrupted" in text or "Results until" in text, text
         assert kinds(folder / "out") in (({True}, 2), ({False}, 2))
         if name == "run":  # of this one if it was interrupted while it drew

@@ -272,7 +272,7 @@ def _indices(judged: DamageHistory) -> list[Chart]:
     name = f"{next(iter(find_all(data, 'detector')), '')}.index"
     if not judged.time.size or name not in data:
         return []
-    index = data[name].isel(time=np.searchsorted(judged.run.time, judged.time)).to_numpy()
+    index = data[name].isel(time=judged.run.time.first_from(judged.time)).to_numpy()
     judged.run.drawn.add(name)
     if index.ndim != 2 or not index[0].all():
         return []

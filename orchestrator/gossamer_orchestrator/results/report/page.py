@@ -107,9 +107,9 @@ def _others(run: Recorded) -> tuple[list[Chart], dict[str, float]]:
     for name, each in variables_of(run.data).items():
         if each.dims != ("time",) or name in hidden:
             continue
-        parts = [each[rows].to_numpy() for rows in run.pixels.parts()]
-        if all((part == parts[0][0]).all() for part in parts):
-            constant[name] = float(parts[0][0])
+        first = each[:1].to_numpy()[0]
+        if all((each[rows].to_numpy() == first).all() for rows in run.pixels.parts()):
+            constant[name] = float(first)
         else:
             units.setdefault(each.attrs.get("units", ""), []).append(name)
     charts = []

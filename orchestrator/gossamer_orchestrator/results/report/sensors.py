@@ -123,7 +123,7 @@ def loop_charts(run: Recorded, reader: Reader) -> list[Chart]:
 
 def _stretches(run: Recorded) -> Iterator[tuple[str, slice]]:
     """Name the rows of the first and the last window, or the last rows."""
-    ends = [int(np.searchsorted(run.time, window.time)) for window in run.ended]
+    ends = run.time.first_from([window.time for window in run.ended]).tolist()
     if len(ends) > 1:
         spans = [("first window", 0, ends[0]), ("last window", ends[-2], ends[-1])]
     else:
@@ -147,11 +147,11 @@ def _spectrogram(run: Recorded, reader: Reader) -> list[Chart]:
     if reader.strain is None:
         return []
     read, _ = reader.strain
-    values = np.concatenate([read(run.data.isel(time=rows)) for rows in run.pixels.parts()])
-    shape = spectrogram(run.time - (0.0 if reader.true else reader.delay), values)
+    shape = spectrogram(run, read)
     if not shape:
         return []
     time, frequency, level = shape
+    time = time - (0.0 if reader.true else reader.delay)
     hover = "%{x:.4g} s, %{y:.4g} Hz: 10^%{z:.2f}<extra></extra>"
     cells = heat(time, frequency, level, "log10", zmin=max(float(level.min()), -10.0), hovertemplate=hover)
     note = "Decimal logarithm of the amplitude, under Hann's window, without the mean."
@@ -168,7 +168,7 @@ def spectrum(time: Array, values: Array) -> tuple[Array, Array] | None:
     return np.fft.rfftfreq(len(values), time[1] - time[0])[1:], amplitudes[1:]
 
 
-def spectrogram(time: Array, values: Array) -> tuple[Array, Array, Array] | None:
+def spectrogram(run: Recorded, read: Curve) -> tuple[Array, Array, Array] | None:
     """Return the amplitudes of overlapping stretches of a curve, each without its mean.
 
     Returns
@@ -177,11 +177,14 @@ def spectrogram(time: Array, values: Array) -> tuple[Array, Array, Array] | None
         The middle of each stretch [s], frequencies [Hz], and the decimal logarithm of the amplitude, of shape (frequencies,
         times); of more than ``LINES`` frequencies the largest amplitude of neighbours. None as ``spectrum``.
     """
-    if not _usable(time, values):
+    time, count = run.time, len(run.time)
+    if count < LEAST or not time.are_even():
         return None
-    size = max(LEAST // 2, min(1024, len(values) // 8))  # eight stretches beside each other, or more
-    begins = np.linspace(0, len(values) - size, min(COLUMNS, 2 * len(values) // size)).round().astype(int)
-    parts = np.stack([values[begin : begin + size] for begin in begins])
+    if not all(np.isfinite(read(run.data.isel(time=rows))).all() for rows in run.pixels.parts()):
+        return None
+    size = max(LEAST // 2, min(1024, count // 8))  # eight stretches beside each other, or more
+    begins = np.linspace(0, count - size, min(COLUMNS, 2 * count // size)).round().astype(int)
+    parts = np.stack([read(run.data.isel(time=slice(begin, begin + size))) for begin in begins])
     hann = np.hanning(size)
     amplitudes = np.abs(np.fft.rfft(hann * (parts - parts.mean(axis=1, keepdims=True)))) * 2.0 / hann.sum()
     frequency = np.fft.rfftfreq(size, time[1] - time[0])[1:]
