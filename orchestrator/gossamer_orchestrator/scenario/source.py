@@ -199,7 +199,12 @@ def explain(kind: str, location: Location, message: str, value: Any, known: Iter
         return f"{location[-2]!r} cannot be a name. Use letters, digits and underscores, and no digit at the start."
     if kind == "string_pattern_mismatch" and key in ("from", "to"):
         return f"{key!r}{place}: write component.variable, not {value!r}."
-    return f"{key!r}{place}: {message[0].lower()}{message[1:]}, not {_short(value)}."
+    advice = ""
+    if kind in ("list_type", "tuple_type"):
+        advice = " Write a list in brackets, for instance [1, 2, 3]."
+    elif isinstance(value, dict) and "value" in value:
+        advice = " Write the value alone; how far a number of a membrane may be off goes into 'priors'."
+    return f"{key!r}{place}: {message[0].lower()}{message[1:]}, not {_short(value)}.{advice}"
 
 
 def _short(value: Any) -> str:  # noqa: ANN401

@@ -89,6 +89,8 @@ MISTAKES = {
     "key": ("thickness", "thicknes", r"s.toml:3: .*thickness.* missing|s.toml:7: .*Did you mean 'thickness'"),
     "region": ("[[regions]]", "[[region]]", "region"),
     "number": ("thickness = 1e-3", "thickness = 5.0", r"s.toml:7: .*'thickness' is 5. Write a number from 1e-07 to 1"),
+    "prior": ("thickness = 1e-3", "thickness = { value = 1e-3, deviation = 0.05 }", r"s.toml:7: .*value alone.*'priors'"),
+    "list": ("direction = [0.0, 1.0, 0.0]", "direction = 1.0", r"s.toml:17: .*a list in brackets, for instance \[1, 2, 3\]"),
     "text": ("density = 1100.0", 'density = "heavy"', "s.toml:6: "),
     "zone": ('group = "film"', 'group = "fim"', r"s.toml:10: .*no group 'fim' of faces. Did you mean 'film'"),
     "support": ('group = "rim"', 'group = "rum"', r"s.toml:13: .*no group 'rum' of nodes. Did you mean 'rim'"),
