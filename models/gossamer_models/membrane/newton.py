@@ -12,7 +12,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import scipy.sparse
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 
 from ..arrays import Vector
 from ..stepper import Evaluator
@@ -113,7 +113,7 @@ class Newton:
                 if goal == 1.0 and (left <= 1.0 or last <= left <= STALLED):
                     return to
                 last = left
-                to[self.free] += splu(self.stiffened(u, p, to)).solve(rest)
+                to[self.free] += factored(self.stiffened(u, p, to)).solve(rest)
             else:
                 left = np.inf
             if left < np.inf:
@@ -154,7 +154,7 @@ class Newton:
             return None
         K = self.stiffened(u, p, q)
         for _ in range(MOST_STEPS):
-            step = splu(self._shifted(K, mu)).solve(f)
+            step = factored(self._shifted(K, mu)).solve(f)
             falls = f @ step
             if left <= 1.0 and falls == 0.0:  # forces that are nothing
                 return q
@@ -207,7 +207,7 @@ class Newton:
                 continue
             if not is_kept:
                 return q if left <= STALLED else None
-            solve, is_kept = splu(self.stiffened(u, p, q)).solve, False
+            solve, is_kept = factored(self.stiffened(u, p, q)).solve, False
         return None
 
 
@@ -220,12 +220,17 @@ class Known:
 
     def factors(self, tangent: Callable[..., scipy.sparse.csc_matrix]) -> Callable[[Vector], Vector]:
         """Return what solves with its tangent."""
-        solve = self._solve or splu(tangent(self.u, self.p, self.q)).solve
+        solve = self._solve or factored(tangent(self.u, self.p, self.q)).solve
         self._solve = solve
         return solve
 
     def __reduce__(self) -> tuple[type[Known], tuple[Vector, Vector, Vector]]:  # without the factors
         return Known, (self.u, self.p, self.q)
+
+
+def factored(K: scipy.sparse.csc_matrix) -> SuperLU:
+    """Return the factors of a tangent, whose pattern is symmetric: half of what an order for others would leave."""
+    return splu(K, permc_spec="MMD_AT_PLUS_A")
 
 
 def column(value: Any) -> Vector:  # noqa: ANN401

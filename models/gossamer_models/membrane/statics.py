@@ -13,7 +13,6 @@ import casadi as ca
 import numpy as np
 import scipy.sparse
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse.linalg import splu
 
 from ..arrays import Matrix, Vector
 from ..batch.cases import CaseTable, Cube, count_cases
@@ -22,7 +21,7 @@ from ..step_model import StepModel
 from ..stepper import Evaluator
 from ..variables import by_name
 from .assembly import MembraneEquations
-from .newton import STALLED, Known, Newton, column
+from .newton import STALLED, Known, Newton, column, factored
 from .setup import LEFT
 from .structure import Structure
 
@@ -209,7 +208,7 @@ class Equilibrium:
             at = found.u[case], found.p[case], found.q[case]
             pushed = np.asarray(self._pushed(*(np.tile(a[:, None], len(places)) for a in at), du, dp))
             dq = np.zeros((found.q.shape[1], len(places)))
-            dq[self.free] = splu(self.newton.stiffened(*at)).solve(np.ascontiguousarray(pushed[self.free]))
+            dq[self.free] = factored(self.newton.stiffened(*at)).solve(np.ascontiguousarray(pushed[self.free]))
             at_all = (np.tile(a[:, None], len(places)) for a in at)
             changes[case] = np.asarray(self._changed(*at_all, du, dp, dq)).T
         displacement, strain = self._split(changes)

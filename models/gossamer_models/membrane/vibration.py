@@ -26,6 +26,7 @@ from ..variables import by_name
 from .assembly import MembraneEquations
 from .equilibrium import pulled
 from .model import membrane_model
+from .newton import factored
 from .statics import Equilibrium
 from .structure import Structure
 
@@ -214,7 +215,7 @@ class Linearised:
 
     def solver(self, u: Vector, q: Vector) -> Callable[[Matrix], Matrix]:
         """Return what does nearly so with the tangent of other inputs and displacements."""
-        return partial(self._with_gas, splu(self._newton.stiffened(u, self.p, q)))
+        return partial(self._with_gas, factored(self._newton.stiffened(u, self.p, q)))
 
     def _with_gas(self, factors: SuperLU, columns: Matrix) -> Matrix:
         found = np.asarray(factors.solve(np.ascontiguousarray(columns)))
