@@ -23,7 +23,7 @@ from .errors import DataError as DataError
 from .errors import GossamerError as GossamerError
 from .errors import NotFiniteError as NotFiniteError
 from .errors import exit_code as exit_code
-from .inputs import check_outputs
+from .inputs import check_outputs, is_pipe
 
 STALE = 3600.0  # [s] without a change: its writer was killed
 
@@ -159,6 +159,9 @@ def read_json(path: Path) -> Any:  # noqa: ANN401
             raise NotFiniteError(msg)
         return value
 
+    if is_pipe(path):
+        msg = "it is a pipe"
+        raise OSError(msg)
     return json.loads(path.read_text(encoding="utf-8"), parse_constant=number, parse_float=number)
 
 

@@ -46,6 +46,15 @@ def keep(*paths: AnyPath) -> None:
         }
 
 
+def is_pipe(path: AnyPath) -> bool:
+    """Tell whether a path is a pipe with a name, which waits for whoever writes into it, maybe for ever.
+
+    Those that a shell makes are below ``/dev``.
+    """
+    path = Path(path)
+    return not path.is_relative_to("/dev") and path.is_fifo()
+
+
 def _number(path: Path) -> tuple[int, int] | None:
     """Return device and number of a file or a folder; None if it is not there."""
     try:

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from gossamer_files.inputs import is_pipe
 from gossamer_files.options import option
 
 
@@ -56,7 +57,7 @@ class ResultsError(OrchestratorError, ValueError):
 
 
 def check_path(path: Path, kind: type[OrchestratorError] = OrchestratorError) -> None:
-    """Raise an error of a kind for a path that no file can have: it is too long, or holds a NUL."""
+    """Raise an error of a kind for a path that no file can have, too long or with a NUL, and for a pipe with a name."""
     try:
         path.lstat()
     except (FileNotFoundError, NotADirectoryError, PermissionError):  # said where it is read or written
@@ -66,6 +67,9 @@ def check_path(path: Path, kind: type[OrchestratorError] = OrchestratorError) ->
         short = f"{text[:_NAMED]!r}{' ..' * (len(text) > _NAMED)}"
         msg = f"no file can be called {short}, {len(text)} characters: {why}. Name another."
         raise kind(msg) from None
+    if is_pipe(path):
+        msg = f"{path} is a pipe. Name a file, or a folder."
+        raise kind(msg)
 
 
 @contextmanager

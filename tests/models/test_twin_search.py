@@ -76,3 +76,24 @@ def test_an_interrupt_does_not_wait_for_fits_that_run_side_by_side():
         timers[1].cancel()
         goes_on.set()
         signal.signal(signal.SIGINT, handler)
+
+
+def test_an_error_of_one_search_ends_those_beside_it():
+    """They went on in threads that nobody waited for."""
+    square, asked, ended = MembraneForward(square_structure(4, 2)), [], Event()
+
+    def search(number):
+        if number == 0:
+            msg = "one fails"
+            raise ValueError(msg)
+        try:
+            while True:
+                asked.append(number)
+                square.states(np.zeros((1, len(square.zones))), {}, {"pressure": np.zeros((1, 1))})
+        finally:
+            ended.set()
+
+    with pytest.raises(ValueError, match="one fails"):
+        side_by_side(search, [1, 0])
+    assert ended.wait(60.0)
+    assert set(asked) <= {1}

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import NamedTuple, TextIO
 
 from .. import DataError, reason
-from ..inputs import keep
+from ..inputs import is_pipe, keep
 from .units import is_unit
 
 MOST_PREAMBLE = 200  # lines above the header
@@ -331,6 +331,9 @@ def _has_words(cells: list[str]) -> bool:
 
 def _encoding(path: Path) -> str:
     """Return the encoding of a file by its mark, its zeros, or whether all of it is UTF-8; else Latin-1."""
+    if is_pipe(path):
+        msg = f"{path} is a pipe. Write what comes out of it into a file first."
+        raise DataError(msg)
     with path.open("rb") as file:
         start = file.read(4096)
         for mark, name in MARKS:

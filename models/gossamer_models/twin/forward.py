@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
-from threading import Lock
+from threading import Event, Lock, local
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -281,6 +281,7 @@ class MembraneForward:
         return run.results, replace(run.state, x=x)
 
     def _batch(self, inputs: tuple[str, ...]) -> Batch:
+        _go_on()
         if inputs not in self._batches:
             results = self._model.elements("strain" if self.gauges is None else "node")
             self._batches[inputs] = Batch(self._model, results, inputs)
@@ -303,6 +304,7 @@ class MembraneForward:
 
     def _at_rest(self, damage: Matrix, parameters: Mapping[str, Vector], histories: Mapping[str, Matrix]) -> Equilibria:
         """Return the equilibria of m cases in k load states, case by case."""
+        _go_on()
         m, k = len(damage), max(np.shape(values)[-1] for values in histories.values())
         start: dict[str, ArrayLike] = {name: np.repeat(values, k) for name, values in parameters.items()}
         start |= {name: np.broadcast_to(values, (m, k)).ravel() for name, values in histories.items()}
@@ -316,14 +318,41 @@ def _sign(fault: Fault) -> float:
 
 
 def side_by_side(what: Callable[[S], T], each: Sequence[S]) -> list[T]:
-    """Return what a function gives of each, in threads where there are several; an interrupt does not wait for them."""
+    """Return what a function gives of each, in threads where there are several.
+
+    An interrupt and an error do not wait for the others: these end when they ask a membrane the next time.
+    """
     if len(each) < 2:
         return [what(one) for one in each]
+    stop, outer = Event(), getattr(_thread, "stops", ())
+
+    def work(one: S) -> T:
+        _thread.stops = (*outer, stop)
+        return what(one)
+
     pool = ThreadPoolExecutor(WORKERS)
     try:
-        return list(pool.map(what, each))
+        begun = [pool.submit(work, one) for one in each]
+        ended, _ = wait(begun, return_when=FIRST_EXCEPTION)
+        for future in begun:
+            if future in ended:
+                future.result()
+        return [future.result() for future in begun]
     finally:
+        stop.set()
         pool.shutdown(wait=False, cancel_futures=True)
+
+
+_thread = local()  # its "stops" are set where nobody waits for its search any more
+
+
+class _StoppedError(Exception):
+    """Nobody waits for this search any more."""
+
+
+def _go_on() -> None:
+    if any(stop.is_set() for stop in getattr(_thread, "stops", ())):
+        raise _StoppedError
 
 
 def forward_of(structure: Structure | Forward | None, parameters: Mapping[str, float] | None) -> Forward:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import subprocess
@@ -133,6 +134,25 @@ def test_a_file_in_the_store_that_is_read_is_refused(tmp_path):
     result = invoke(["train", store, "--out", f"{store}/zarr.json"])
     assert result.exit_code == 1
     assert "which is an input" in result.stderr
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="lays a pipe as POSIX has them")
+@pytest.mark.parametrize("command", [
+    ["run", "pipe.toml", "--out", "out"],
+    ["verify", "pipe.fmu"],
+    ["identify", "pipe.csv", "--out", "out.json"],
+    ["twin", "pipe.csv", "--out", "out.json"],
+    ["assess", "pipe.json", "rec.csv", "--out", "out"],
+])  # fmt: skip
+def test_a_pipe_into_which_nobody_writes_is_refused_and_not_waited_for(record, command):
+    """As anybody may lay one in a shared folder."""
+    os.mkfifo(next(word for word in command if word.startswith("pipe")))
+    done = subprocess.run(
+        [sys.executable, "-m", "gossamer", *command], capture_output=True, text=True, timeout=300, check=False
+    )
+    assert done.returncode == 1
+    assert "is a pipe" in " ".join((done.stdout + done.stderr).split())
+    assert not Path("out").exists()
 
 
 # --- killed, and on a full disk ---
