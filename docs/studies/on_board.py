@@ -1,9 +1,13 @@
-"""The watch on board beside the watch on the ground, on the same records.
+"""The watch on board beside the watch on the ground, on the same records, and alone.
 
-``python -m studies.on_board [RECORDS]`` from the folder ``docs`` prints a line for each of some worlds of ``studies.watch``,
-damaged and healthy; ``python -m studies.on_board count [STREAMS]`` counts alarms of normal noise alone, whose sums over a
-window are drawn at once. Records are of the bilinear square. They last 48 of its first periods; damage begins in the 37th.
-The watch on board begins when the response has settled, after twelve, and goes on in windows of half a period of the load.
+From the folder ``docs``::
+
+    python -m studies.on_board [RECORDS [SEED]]    a line for each of some worlds of studies.watch, damaged and healthy
+    python -m studies.on_board drift [WINDOWS]     alarms where nothing happens but that the clock is off
+    python -m studies.on_board count [STREAMS]     alarms of normal noise, whose sums over a window are drawn at once
+
+Records are of the bilinear square. They last 34 of its first periods; damage begins in the 29th. The watch on board begins
+when the response has settled, after twelve.
 """
 
 from __future__ import annotations
@@ -14,38 +18,51 @@ import casadi as ca
 import numpy as np
 from gossamer_models.membrane import square_structure
 from gossamer_models.twin import MembraneForward, Watch
-from gossamer_models.twin.on_board import LAGS, LEARNING, StoredWindows, stored_responses, watch_model
+from gossamer_models.twin.on_board import LAGS, LEARNING, StoredWindows, watch_model
+from gossamer_models.twin.settled import StoredResponses, stored_responses
 from gossamer_models.variables import pack, unpack
 from numpy.typing import NDArray
 
 from .twin import BILINEAR
-from .watch import HEALTHY, WORLDS
+from .watch import HEALTHY, THESIS, WORLDS
 
 Array = NDArray[np.float64]
-SETTLES, BEFORE, ALL = 12, 36, 48  # first periods
+SETTLES, BEFORE, ALL = 12, 28, 34  # first periods
 NAMES = ("step", "load", "gains")
-WINDOWS = 1000  # that are counted of each stream
 GROUND = 169  # samples of a window on the ground
+DRIFTS = (0.0, 2e-5, 1e-4)  # of the clock
+CHUNK = 2100  # samples that are watched at once: of all those of a long record the states alone are gigabytes
+WINDOWS = 1000  # that are counted of each stream
 
 
-def board_alarms(strain: Array, noise: float, first: int) -> tuple[list[int], int]:
-    """Return the first sample with an alarm, if there is one, and how many windows are whole."""
-    stored = stored_responses(square_structure(*BILINEAR), exact_mesh=True)
+def board_alarm(stored: StoredResponses, strain: Array, noise: float) -> int | None:
+    """Return the first sample with an alarm, if there is one."""
     model = watch_model(stored, noise)
-    p = np.array([first * stored.step, 0.0])
-    x = model.init(strain[:, first - 1], p)[0]
-    rest = strain[:, first:]
-    _, y = model.step.mapaccum(rest.shape[1])(x, rest, np.tile(p[:, None], rest.shape[1]), stored.step)
-    alarms = np.flatnonzero(np.array(y)[0] > 0.5)
-    return [first + int(k) for k in alarms[:1]], rest.shape[1] * stored.windows // stored.healthy.shape[1]
+    inputs = np.vstack([strain, np.zeros(strain.shape[1])])
+    p = np.ones(1)
+    x = model.init(inputs[:, 0], p)[0]
+    for begin in range(1, strain.shape[1], CHUNK):
+        part = inputs[:, begin : begin + CHUNK]
+        states, y = model.step.mapaccum(part.shape[1])(x, part, np.tile(p[:, None], part.shape[1]), stored.step)
+        alarms = np.flatnonzero(np.array(y)[0] > 0.5)
+        if alarms.size:
+            return begin + int(alarms[0])
+        x = states[:, -1]
+    return None
 
 
-def compare(name: str, count: int) -> str:
+def judged(stored: StoredResponses, samples: int) -> int:
+    """Return how many windows of some samples may raise an alarm."""
+    n = stored.healthy.shape[1] // stored.windows
+    return max(0, int(samples // n) - stored.windows - LEARNING)
+
+
+def compare(stored: StoredResponses, name: str, count: int, seed: int) -> str:
     """Watch records of a world twice; return its line."""
     world, healthy = WORLDS[name.removeprefix(HEALTHY)], name.startswith(HEALTHY)
-    random, structure = np.random.default_rng(5), square_structure(*BILINEAR)
-    forward, h = MembraneForward(structure), stored_responses(structure, exact_mesh=True).step
-    n = GROUND * ALL
+    random, structure = np.random.default_rng(seed), square_structure(*BILINEAR)
+    forward, h = MembraneForward(structure), stored.step
+    n, begin = GROUND * ALL, GROUND * SETTLES
     late: dict[str, list[float]] = {"board": [], "ground": []}
     false, windows = {"board": 0, "ground": 0}, {"board": 0, "ground": 0}
     for k in range(count):
@@ -58,12 +75,12 @@ def compare(name: str, count: int) -> str:
         strain = forward.advance(state, damage, {}, h)[0][0]
         strain = strain * (1.0 + world.gain * random.standard_normal((len(strain), 1)))
         strain += world.noise * random.standard_normal(strain.shape)
-        found, whole = board_alarms(strain, world.noise, SETTLES * GROUND)
+        found = board_alarm(stored, strain[:, begin - 1 :], world.noise)
         watch = Watch(world.noise, structure, step=h, exact_mesh=True)
         ground = [(i + 1) * GROUND for i, part in enumerate(np.split(strain, ALL, 1)) if watch.advance(part).alarm]
-        windows["board"] += round(whole * min(1.0, (onset - SETTLES * GROUND) / (n - SETTLES * GROUND)))
+        windows["board"] += judged(stored, onset - begin)
         windows["ground"] += onset // GROUND
-        for who, alarms in (("board", found), ("ground", ground)):
+        for who, alarms in (("board", [] if found is None else [begin + found]), ("ground", ground)):
             false[who] += sum(at <= onset for at in alarms)
             late[who] += [1e3 * h * (at - onset) for at in alarms if at > onset][:1]
     line = ""
@@ -76,14 +93,27 @@ def compare(name: str, count: int) -> str:
     return line
 
 
-def count_alarms(streams: int) -> str:
+def drifting(stored: StoredResponses, drift: float, noise: float, windows: int) -> str:
+    """Watch healthy strain under a load that is 3 % off, whose clock runs fast; return its line."""
+    N, random = stored.healthy.shape[1], np.random.default_rng(1)
+    samples = (windows + stored.windows + LEARNING) * (N // stored.windows)
+    waves = np.fft.rfft(stored.healthy + 0.3 * stored.lasting[0]) / N  # the prior's deviation of the load is 10 %
+    waves[:, 1:] *= 2.0
+    turns = 2j * np.pi * np.arange(waves.shape[1]) / N
+    at = np.array_split((1.0 + drift) * np.arange(samples) + N / 3.0, windows)
+    strain = np.hstack([(waves @ np.exp(turns[:, None] * part)).real for part in at])
+    found = board_alarm(stored, strain + noise * random.standard_normal(strain.shape), noise)
+    said = "no alarm" if found is None else f"an alarm after {found * stored.step:.1f} s"
+    return f"clock off by {1e6 * drift:g} ppm, noise {noise:g}: {said} in {windows} windows, {samples * stored.step:.0f} s"
+
+
+def count_alarms(stored: StoredResponses, streams: int) -> str:
     """Count windows that raise an alarm of their own while nothing changes, with nuisances drawn from their priors."""
-    stored = stored_responses(square_structure(*BILINEAR), exact_mesh=True)
     windows = StoredWindows(stored, np.full(len(stored.healthy), 1e-3), 1e-5)
     like = windows.start()
     x, g, kind = ca.MX.sym("x", pack(like).numel()), ca.MX.sym("g", windows.q + windows.z), ca.MX.sym("kind")
-    judge = ca.Function("judge", [x, g, kind], [pack(windows.judge(unpack(like, x), g, ca.MX(0.0), kind))])
-    judge = judge.map(streams)
+    after = windows.judge(unpack(like, x), g, ca.MX(0.0), kind, ca.MX(0.0), ca.MX(1.0))
+    judge = ca.Function("judge", [x, g, kind], [pack(after)]).map(streams)
     roots = []
     for e, V in map(np.linalg.eigh, windows.information):
         roots.append(V * np.sqrt(np.maximum(e, 0.0)))
@@ -108,12 +138,19 @@ def count_alarms(streams: int) -> str:
 
 def main() -> None:
     """Print the lines."""
-    if sys.argv[1:2] == ["count"]:
-        print(count_alarms(int(sys.argv[2]) if len(sys.argv) > 2 else 1000))
-        return
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 8
-    for name in [*NAMES, *(HEALTHY + name for name in NAMES)]:
-        print(f"{name:16} {compare(name, count)}", flush=True)
+    stored = stored_responses(square_structure(*BILINEAR), exact_mesh=True)
+    words = sys.argv[1:]
+    if words[:1] == ["count"]:
+        print(count_alarms(stored, int([*words, "1000"][1])))
+    elif words[:1] == ["drift"]:
+        for noise in (1e-3, THESIS):
+            for drift in DRIFTS:
+                print(drifting(stored, drift, noise, int([*words, "1000"][1])), flush=True)
+    else:
+        numbers = [int(word) for word in words]
+        count, seed = [*numbers, *(8, 5)[len(numbers) :]]
+        for name in [*NAMES, *(HEALTHY + name for name in NAMES)]:
+            print(f"{name:16} {compare(stored, name, count, seed)}", flush=True)
 
 
 if __name__ == "__main__":

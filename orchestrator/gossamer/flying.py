@@ -179,10 +179,11 @@ def _watch(setup: AnyPath | None, noise: float) -> tuple[StepModel, tuple[Vector
     """Return the watch of a membrane with its golden vectors and their period [s]."""
     from gossamer_fmus.flight import vectors_of
     from gossamer_models import Stepper
-    from gossamer_models.twin.on_board import example_strain, stored_responses, watch_model
+    from gossamer_models.twin.on_board import example_inputs, watch_model
+    from gossamer_models.twin.settled import stored_responses
 
     from .descriptions import load_structure
 
     stored = stored_responses(None if setup is None else load_structure(setup))
     model = watch_model(stored, noise)
-    return model, *vectors_of(Stepper(model), example_strain(stored, noise).T, stored.step), stored.step
+    return model, *vectors_of(Stepper(model), example_inputs(stored, noise).T, stored.step), stored.step

@@ -19,7 +19,8 @@ from gossamer_models import ParameterError, Stepper
 from gossamer_models.compensator import compensator_model
 from gossamer_models.membrane import square_structure
 from gossamer_models.sensor import default_artifact
-from gossamer_models.twin.on_board import example_strain, stored_responses, watch_model
+from gossamer_models.twin.on_board import example_inputs, watch_model
+from gossamer_models.twin.settled import stored_responses
 from oracles.direct import direct_inverse
 
 KINDS = ("compensator", "estimator", "filter")
@@ -95,7 +96,7 @@ def test_so_has_the_watch_which_no_flipped_bit_makes_wrong(tmp_path):
     model = watch_model(stored, 1e-3)
     stepper = Stepper(model)
     stepper.warn = lambda _: None
-    vectors, golden = vectors_of(stepper, example_strain(stored, 1e-3).T, stored.step)
+    vectors, golden = vectors_of(stepper, example_inputs(stored, 1e-3).T, stored.step)
     assert golden[-1, 0] == 1.0  # an alarm
     for name, content in flight_files(model, "watch", vectors, golden, period=stored.step).items():
         (tmp_path / name).write_bytes(content)

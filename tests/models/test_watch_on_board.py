@@ -6,15 +6,8 @@ import pytest
 from gossamer_models import ParameterError, Stepper
 from gossamer_models.membrane import square_structure
 from gossamer_models.twin.evidence import Evidence
-from gossamer_models.twin.on_board import (
-    LAGS,
-    LEARNING,
-    StoredResponses,
-    StoredWindows,
-    example_strain,
-    stored_responses,
-    watch_model,
-)
+from gossamer_models.twin.on_board import LAGS, StoredWindows, example_inputs, moved, watch_model
+from gossamer_models.twin.settled import StoredResponses, stored_responses
 from gossamer_models.variables import pack, unpack
 from scipy.special import chdtri
 
@@ -22,33 +15,48 @@ SENSORS, ZONES, LASTING, WINDOWS, SAMPLES = 2, 3, 4, 2, 30  # of a period, and o
 NOISE, FALSE_ALARMS = 1e-3, 1e-5
 
 
+def at_places(rows, places):
+    """Rows that repeat at places between their columns, by their waves."""
+    N = rows.shape[-1]
+    waves = np.fft.rfft(rows) / N
+    waves[..., 1:] *= 2.0
+    return (waves @ np.exp(2j * np.pi / N * np.outer(np.arange(waves.shape[-1]), places))).real
+
+
 @pytest.fixture(scope="module")
 def stored():
-    """Any responses: the law is that of linear models."""
+    """Any smooth responses: the law is that of linear models."""
     random = np.random.default_rng(3)
-    shape = (SENSORS, WINDOWS * SAMPLES)
+    N = WINDOWS * SAMPLES
+
+    def any_of(*shape):
+        waves = np.zeros((*shape, N // 2 + 1), dtype=complex)
+        waves[..., 1:7] = random.standard_normal((*shape, 6)) + 1j * random.standard_normal((*shape, 6))
+        return np.fft.irfft(waves, N) * N / 4.0
+
     return StoredResponses(
         zones=("a", "b", "c"),
         step=1e-3,
         windows=WINDOWS,
-        healthy=0.1 * random.standard_normal(shape),
-        lasting=2e-3 * random.standard_normal((LASTING, *shape)),
-        slopes=2e-2 * random.standard_normal((ZONES, *shape)),
+        healthy=0.1 * any_of(SENSORS),
+        lasting=2e-3 * any_of(LASTING, SENSORS),
+        slopes=2e-2 * any_of(ZONES, SENSORS),
     )
 
 
-def readings(stored, count, random, damage=0.0, since=0):
-    """Strain of windows from the start of a period, with a sample before, a lasting nuisance and an offset."""
-    at = np.arange(-1, count * SAMPLES)
-    column = at % stored.healthy.shape[1]
-    strain = stored.healthy[:, column] + np.tensordot(random.standard_normal(LASTING), stored.lasting[:, :, column], 1)
-    strain += damage * (at >= since * SAMPLES) * stored.slopes[1][:, column] + 0.05
+def readings(stored, count, random, damage=0.0, since=0, drift=0.0, nuisances=1.0):
+    """Strain of a period and some windows, with a sample before, lasting nuisances and an offset."""
+    at = np.arange(-1, (WINDOWS + count) * SAMPLES)
+    place = (1.0 + drift) * at
+    strain = at_places(stored.healthy, place)
+    strain += np.tensordot(nuisances * random.standard_normal(LASTING), at_places(stored.lasting, place), 1)
+    strain += damage * (at >= (WINDOWS + since) * SAMPLES) * at_places(stored.slopes[1], place) + 0.05
     return strain + NOISE * random.standard_normal(strain.shape)
 
 
-def watched(stored, strain, skip=()):
+def watched(stored, strain, skip=(), acquire=(), model=None):
     """Results of each sample, by name."""
-    stepper = Stepper(watch_model(stored, NOISE, FALSE_ALARMS))
+    stepper = Stepper(model or watch_model(stored, NOISE, FALSE_ALARMS))
     names = stepper.model.names[stepper.model.slices()[2].start :]
     rows, wait = [], 1
     for k, sample in enumerate(strain.T):
@@ -57,87 +65,137 @@ def watched(stored, strain, skip=()):
             continue
         for i, value in enumerate(sample, start=1):
             stepper.set(f"strain[{i}]", float(value))
+        stepper.set("acquire", float(k in acquire))
         stepper.step(wait * stored.step) if k else stepper.initialize()
         wait = 1
         rows.append([stepper.get(name) for name in names])
     return dict(zip(names, np.array(rows).T, strict=True))
 
 
+def judging(windows):
+    """Return the state before the first window, and the function that adds the sums of a window to it."""
+    like = windows.start()
+    x, g, kind = ca.MX.sym("x", pack(like).numel()), ca.MX.sym("g", LASTING + ZONES), ca.MX.sym("kind")
+    squares = ca.MX.sym("squares")
+    after = windows.judge(unpack(like, x), g, squares, kind, ca.MX(0.0), ca.MX(1.0))
+    said = [after.said.evidence, ca.fmax(1.0, ca.mmax(after.means)), after.said.misfit]
+    return np.array(ca.evalf(pack(like))), ca.Function("judge", [x, g, squares, kind], [pack(after), *said])
+
+
 def test_its_scores_are_those_of_the_watch_on_the_ground(stored):
+    """With what a shift of the load and offsets of the sensors change left out of each window."""
     count = LAGS[-1]
-    strain = readings(stored, count, np.random.default_rng(1), 0.01, 6)
-    found = watched(stored, strain)
+    windows = StoredWindows(stored, np.full(SENSORS, NOISE), FALSE_ALARMS)
+    strain = readings(stored, count, np.random.default_rng(1), 0.01, 6)[:, 1 + WINDOWS * SAMPLES :]
     changes = np.concatenate([stored.lasting, stored.slopes])
     evidence, stay = Evidence(np.zeros(LASTING), ZONES), np.arange(0)
-    means = []
+    state, judge = judging(windows)
+    means, misfits = [], []
     for window in range(count):
         columns = (window % WINDOWS) * SAMPLES + np.arange(SAMPLES)
-        own = changes[:, :, columns] / NOISE
-        r = (strain[:, 1 + window * SAMPLES :][:, :SAMPLES] - stored.healthy[:, columns]) / NOISE
-        own, r = own - own.mean(axis=2, keepdims=True), r - r.mean(axis=1, keepdims=True)
-        J = own.reshape(len(own), -1).T
-        evidence.add(r.ravel(), np.hstack([J[:, :LASTING], *[J[:, LASTING:]] * (window + 1)]), stay)
+        rows = [*changes[:, :, columns], strain[:, window * SAMPLES :][:, :SAMPLES] - stored.healthy[:, columns]]
+        motion = moved(stored.healthy)[0][:, columns]
+        rows, motion = (np.array(each) / NOISE for each in (rows, motion))
+        rows, motion = (each - each.mean(axis=-1, keepdims=True) for each in (rows, motion))
+        rows = rows.reshape(len(rows), -1)
+        rows -= np.outer(rows @ motion.ravel(), motion.ravel()) / (motion**2).sum()
+        J, r = rows[:-1].T, rows[-1]
+        evidence.add(r, np.hstack([J[:, :LASTING], *[J[:, LASTING:]] * (window + 1)]), stay)
         stay = np.arange(window + 1)
         ago = [window + 1 - lag for lag in LAGS if lag <= window + 1]
         scores = evidence.scores[ago]
         # an onset before the first window is one at its beginning
         means.append(np.concatenate([scores, np.repeat(evidence.scores[:1], len(LAGS) - len(ago), axis=0)]).mean())
-        scale = max(1.0, *means[: LEARNING - 1])
-        expected = evidence.scores[[*ago, 0]].max(axis=0) / scale / chdtri(1.0, FALSE_ALARMS / (len(LAGS) * ZONES))
-        at = (window + 1) * SAMPLES
-        assert [found[f"evidence[{z}]"][at] for z in (1, 2, 3)] == pytest.approx(expected, rel=1e-9)
+        state, found, scale, misfit = map(np.array, judge(state, J.T @ r, r @ r, window % WINDOWS))
+        misfits.append(misfit.item())
+        assert scale.item() == pytest.approx(max(1.0, np.mean(means), np.mean(misfits)))
+        assert found.ravel() == pytest.approx(
+            evidence.scores[[*ago, 0]].max(axis=0) / scale.item() / chdtri(1.0, FALSE_ALARMS / (len(LAGS) * ZONES)), rel=1e-9
+        )
 
 
 def test_an_alarm_comes_with_damage_and_stays_and_not_without(stored):
     random = np.random.default_rng(2)
     healthy, damaged = (watched(stored, readings(stored, 40, random, damage, 30)) for damage in (0.0, 0.05))
     assert not healthy["alarm"].any()
-    first = int(np.flatnonzero(damaged["alarm"])[0])
+    first = int(np.flatnonzero(damaged["alarm"])[0]) - WINDOWS * SAMPLES
     assert 30 * SAMPLES < first <= 32 * SAMPLES
-    assert damaged["alarm"][first:].all()
-    assert damaged["sees"][first - 1] < 0.05
+    assert damaged["alarm"][WINDOWS * SAMPLES + first :].all()
+    assert damaged["sees"][WINDOWS * SAMPLES + first - 1] < 0.05
     assert healthy["misfit"][-1] == pytest.approx(1.0, abs=0.4)
+
+
+def test_noise_that_is_larger_than_stated_raises_no_alarm(stored):
+    """Twice as large: scores are four times as large, but for their scale."""
+    strain = readings(stored, 60, np.random.default_rng(9))
+    strain += np.sqrt(3.0) * NOISE * np.random.default_rng(10).standard_normal(strain.shape)
+    found = watched(stored, strain)
+    assert found["misfit"][-1] == pytest.approx(4.0, abs=1.2)
+    assert not found["alarm"].any()
+
+
+@pytest.mark.parametrize("drift", [-2e-4, 0.0, 3e-4])
+def test_the_phase_of_the_load_is_found_and_followed(stored, drift):
+    """From anywhere in a period; where the board's clock is off the load moves through the table, and no alarm comes."""
+    N, count, begin = WINDOWS * SAMPLES, 100, 23
+    strain = readings(stored, count, np.random.default_rng(7), drift=drift, nuisances=0.3)[:, begin:]
+    model = watch_model(stored, NOISE, FALSE_ALARMS)
+    inputs = np.vstack([strain[:, 1:], np.zeros(strain.shape[1] - 1)])
+    x = model.init(np.append(strain[:, 0], 0.0), 1.0)[0]
+    states, results = map(
+        np.array, model.step.mapaccum(inputs.shape[1])(x, inputs, np.ones((1, inputs.shape[1])), stored.step)
+    )
+    place = (1.0 + drift) * (begin + np.arange(inputs.shape[1]))
+    off = (states[0] + states[1] - place + N / 2.0) % N - N / 2.0
+    assert abs(off[N : 2 * N]).max() < 0.6
+    assert abs(off[-20 * SAMPLES :]).max() < 0.15
+    assert not results[0].any()
+
+
+def test_the_phase_is_sought_anew_when_it_is_wanted_and_what_was_learned_stays(stored):
+    random = np.random.default_rng(8)
+    strain = readings(stored, 40, random)
+    jumped = np.hstack([strain[:, : 20 * SAMPLES], strain[:, 20 * SAMPLES + 17 :]])
+    blind, found = watched(stored, jumped), watched(stored, jumped, acquire={20 * SAMPLES})
+    assert blind["alarm"].any()
+    assert not found["alarm"].any()
+    assert not found["valid"][20 * SAMPLES : 22 * SAMPLES - 1].any()
+    assert found["valid"][-1] == 1.0
 
 
 def test_statistics_are_no_larger_than_their_law_where_nothing_changes(stored):
     """Chi2 of one degree of freedom, largest of four onsets: of 2000 streams between 1/4 and 1 of 5 % are above."""
     windows, random, streams = StoredWindows(stored, np.full(SENSORS, NOISE), FALSE_ALARMS), np.random.default_rng(4), 2000
-    like = windows.start()
-    x, g, kind = ca.MX.sym("x", pack(like).numel()), ca.MX.sym("g", LASTING + ZONES), ca.MX.sym("kind")
-    after = windows.judge(unpack(like, x), g, ca.MX(0.0), kind)
-    judge = ca.Function("judge", [x, g, kind], [pack(after), after.said.evidence * after.scale]).map(streams)
-    state, p = np.tile(np.array(ca.evalf(pack(like))), streams), random.standard_normal((LASTING, streams))
+    start, judge = judging(windows)
+    judge = judge.map(streams)
+    state, p = np.tile(start, streams), random.standard_normal((LASTING, streams))
     for window in range(30):
         G = windows.information[window % WINDOWS]
         sums = G[:, :LASTING] @ p + np.linalg.cholesky(G) @ random.standard_normal((len(G), streams))
-        state, evidence = map(np.array, judge(state, sums, float(window % WINDOWS)))
-    share = np.mean(evidence * chdtri(1.0, FALSE_ALARMS / (len(LAGS) * ZONES)) > chdtri(1.0, 0.05 / len(LAGS)), axis=1)
+        state, evidence, scale, _ = map(np.array, judge(state, sums, 0.0, float(window % WINDOWS)))
+    share = np.mean(
+        evidence * scale * chdtri(1.0, FALSE_ALARMS / (len(LAGS) * ZONES)) > chdtri(1.0, 0.05 / len(LAGS)), axis=1
+    )
     assert (share > 0.0125).all()
     assert (share < 0.05).all()
 
 
 def test_a_window_with_a_missing_sample_is_not_counted_and_the_next_one_is(stored):
-    strain = readings(stored, 12, np.random.default_rng(5))
-    missing = 8 * SAMPLES + 7
+    strain = readings(stored, 20, np.random.default_rng(5))
+    missing = (WINDOWS + 15) * SAMPLES + 7
     found, whole = watched(stored, strain, {missing}), watched(stored, strain)
-    assert found["valid"][9 * SAMPLES - 1] == 0.0  # one row less
-    assert found["evidence[1]"][9 * SAMPLES - 1] == whole["evidence[1]"][8 * SAMPLES]
-    assert found["valid"][10 * SAMPLES - 1] == 1.0
+    before, after = (np.flatnonzero(np.diff(each["misfit"])) for each in (found, whole))
+    assert whole["valid"][missing:].all()
+    assert not found["valid"][missing + SAMPLES - 8 : missing + 2 * SAMPLES - 9].any()
+    assert found["valid"][-1] == 1.0
+    assert before.size == after.size - 1
 
 
 def test_a_start_in_the_middle_of_a_window_waits_for_the_next(stored):
-    strain = readings(stored, 8, np.random.default_rng(6))
-    stepper = Stepper(watch_model(stored, NOISE))
-    stepper.set("start_time", 10 * stored.step)
-    stepper.set("delay", 3 * stored.step)
-    seen = []
-    for k, sample in enumerate(strain[:, 7:].T):
-        for i, value in enumerate(sample, start=1):
-            stepper.set(f"strain[{i}]", float(value))
-        stepper.step(stored.step) if k else stepper.initialize()
-        seen.append(stepper.get("misfit"))
-    assert not any(seen[: 2 * SAMPLES - 7])
-    assert seen[2 * SAMPLES - 7] == pytest.approx(1.0, abs=0.6)
+    seen = watched(stored, readings(stored, 8, np.random.default_rng(6))[:, 7:])["misfit"]
+    first = int(np.flatnonzero(seen)[0])
+    assert WINDOWS * SAMPLES + SAMPLES < first < (WINDOWS + 2) * SAMPLES
+    assert seen[first] < 2.0
 
 
 def test_the_example_of_a_membrane_raises_an_alarm_of_its_zone():
@@ -145,8 +203,8 @@ def test_the_example_of_a_membrane_raises_an_alarm_of_its_zone():
     n = stored.healthy.shape[1] // stored.windows
     assert stored.step == pytest.approx(3e-4, rel=1e-2)
     assert n * stored.windows * stored.step == pytest.approx(1.0 / 7.9)
-    strain = example_strain(stored, NOISE)
-    found = watched(stored, strain)
+    strain = example_inputs(stored, NOISE)[:-1]
+    found = watched(stored, strain, model=watch_model(stored, NOISE))
     assert np.flatnonzero(found["alarm"])[0] == strain.shape[1] - 1 - 2 * n  # one window after the onset
     assert max(found[f"evidence[{z}]"][-1] for z in range(1, 17)) == found["evidence[1]"][-1]
 
