@@ -46,7 +46,7 @@ def interrupt_in(seconds: float) -> None:
         signal.setitimer(signal.ITIMER_REAL, seconds)
 
 
-class Messages(io.TextIOWrapper):
+class ErrorStream(io.TextIOWrapper):
     """What is told; where nobody can read it any more, as on a terminal that was closed, it goes nowhere."""
 
     def write(self, text: str, /) -> int:
@@ -71,7 +71,7 @@ def open_streams() -> None:
     if streams[1] is None:
         sys.stdout = os.fdopen(1, "w", encoding="utf-8")
     coding = "utf-8" if streams[2] is None else streams[2].encoding
-    sys.stderr = Messages(io.FileIO(2, "wb", closefd=False), coding, "backslashreplace", write_through=True)
+    sys.stderr = ErrorStream(io.FileIO(2, "wb", closefd=False), coding, "backslashreplace", write_through=True)
 
 
 def main() -> None:
