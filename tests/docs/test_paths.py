@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-BELOW = re.compile(r"`((?:models|fmus|orchestrator|docs|tests)/[\w./]+)`")
+BELOW = re.compile(r"`((?:models|fmus|orchestrator|docs|tests)/[\w./]+)(?:::(\w+))?`")  # and maybe a test in it
 
 
 @pytest.mark.parametrize("page", ["CONTRIBUTING.md", "docs/verification.md"])
@@ -14,8 +14,9 @@ def test_every_path_exists(page):
     text = (ROOT / page).read_text(encoding="utf-8")
     paths = BELOW.findall(text)
     assert len(paths) > 10
-    for path in paths:
+    for path, test in paths:
         assert (ROOT / path).exists(), path
+        assert not test or f"def {test}(" in (ROOT / path).read_text(encoding="utf-8"), test
     for link in re.findall(r"\]\(([^)#:]+)\)", text):
         assert ((ROOT / page).parent / link).exists(), link
 

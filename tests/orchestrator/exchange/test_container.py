@@ -243,6 +243,24 @@ def test_the_command_prints_the_path(fmus, tmp_path):
     assert fmpy.read_model_description(str(tmp_path / "ring.fmu")).fmiVersion == "3.0"
 
 
+def test_noise_and_events_can_be_left_behind_and_the_rest_is_the_container_of_a_scenario_without_them(fmus, tmp_path):
+    ring = RING.format(master='order = ["gain", "Early"]')
+    noise = 'noise = { kind = "normal", amplitude = 0.1 }\n'
+    first = ring.index("[[connections]]") + len("[[connections]]\n")
+    (tmp_path / "noisy.toml").write_text(ring[:first] + noise + ring[first:])
+    (tmp_path / "calm.toml").write_text(ring)
+    arguments = ["container", tmp_path / "noisy.toml", "--fmus", fmus, "--out", tmp_path / "out/noisy.fmu"]
+    refused = invoke(arguments)
+    assert (refused.exit_code, (tmp_path / "out/noisy.fmu").exists()) == (1, False)
+    assert "--without noise writes the rest." in refused.stderr
+    done = invoke([*arguments, "--without", "noise,events", "--json"])
+    assert (done.exit_code, json.loads(done.stdout)) == (0, {"file": str(tmp_path / "out/noisy.fmu")})
+    assert "this stays behind: noise of" in done.stderr
+    assert invoke(["container", tmp_path / "calm.toml", "--fmus", fmus, "--out", tmp_path / "calm.fmu"]).exit_code == 0
+    written, calm = (fmpy.read_model_description(str(tmp_path / name)) for name in ("out/noisy.fmu", "calm.fmu"))
+    assert [(v.name, v.start) for v in written.modelVariables] == [(v.name, v.start) for v in calm.modelVariables]
+
+
 def test_nothing_is_printed(fmus, chain, tmp_path, capfd, caplog):
     build_container(chain(), fmus, tmp_path / "c.fmu")
     assert capfd.readouterr() == ("", "")
