@@ -206,7 +206,7 @@ def table_sizes(tables: Tables) -> dict[str, int | str]:
 
 
 def _sizes(model: str, tables: Tables) -> str:
-    """Write the sizes that hold for all loops, and the prefixes of names."""
+    """Write the sizes that hold for all loops, their numbers, and the prefixes of names."""
     loops = tables.loops
     sizes = {
         "BASELINE": f"{model}_baseline_",
@@ -219,6 +219,7 @@ def _sizes(model: str, tables: Tables) -> str:
         "MOST_RES": max(loop.function.sz_res() for loop in loops),
         "MOST_IW": max(1, *(loop.function.sz_iw() for loop in loops)),
         "MOST_W": max(1, *(loop.function.sz_w() for loop in loops)),
+        "EACH_LOOP": " ".join(f"LOOP({k})" for k in range(len(loops))),
     }
     return "".join(f"#define {name} {value}\n" for name, value in sizes.items())
 

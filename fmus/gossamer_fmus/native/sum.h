@@ -8,8 +8,8 @@
 
 #include "elements.h"
 
-static int CASADI_PREFIX(run)(int which, const double **arg, double **res) {
-  const Loop *loop = &CASADI_PREFIX(loops)[which];
+/* of a loop that is known where it is compiled, so that all its sizes are constants */
+static inline __attribute__((always_inline)) int CASADI_PREFIX(sum)(const Loop *loop, const double **arg, double **res) {
   const double *x = arg[0], *d = arg[1], *own = tables + loop->numbers;
   const int32_t *places = (const int32_t *)(tables + N_NUMBERS) + loop->places;
   const int m = loop->nodes, n = loop->elements;
@@ -80,4 +80,13 @@ static int CASADI_PREFIX(run)(int which, const double **arg, double **res) {
     *reduced[k] = one;
   }
   return 0;
+}
+
+static int CASADI_PREFIX(run)(int which, const double **arg, double **res) {
+  switch (which) {
+#define LOOP(k) case k: return CASADI_PREFIX(sum)(&CASADI_PREFIX(loops)[k], arg, res);
+    EACH_LOOP
+#undef LOOP
+  }
+  return 1;
 }

@@ -99,6 +99,8 @@ def test_a_membrane_on_a_mesh_moves_with_the_slider_in_every_colour(browser, dat
         direction=np.array([[1.0, 0.0, 0.0]]),
         sensor_points=np.array([[0.1, 0.1, 0.0]]),
         sensor_directions=np.array([[1.0, 0.0, 0.0]]),
+        segments=np.array([[3, 2], [2, 4]]),
+        segment_zone=np.array([-1, -1]),
     )
     moved = half * [0.99, 0.8, 1.0] + [0.0, 0.0, 0.5]  # shorter along both: slack
     file = create_shapes(tmp_path / "shapes.nc", {"membrane": surface}, 0.0, {"membrane": (half, np.zeros((1, 3)))})
@@ -111,6 +113,10 @@ def test_a_membrane_on_a_mesh_moves_with_the_slider_in_every_colour(browser, dat
     skin = f"{membrane}.data[0]"
     assert page.evaluate(f"Array.from({skin}.z)") == pytest.approx([0.5] * 5)
     assert page.evaluate(f"{membrane}.data[6].x.length") == 2  # both faces are marked
+    ropes = f"Object.values({membrane}.data.find(each => each.name === 'cables and beams').{{}}).slice(0, 5)"
+    assert page.evaluate(ropes.format("x")) == pytest.approx([0.0, 0.99, None, 0.99, 1.98])
+    assert page.evaluate(ropes.format("z")) == pytest.approx([0.508, 0.508, None, 0.508, 0.508])  # lifted, to be seen
+    assert page.locator(".legend").get_by_text("cables and beams").count() == 1
     for choice, top in (("largest strain", -1.0), ("wrinkles", 2.0), ("estimated damage", 20.0), ("true damage", 30.0)):
         page.select_option("[aria-label='Colour of the membrane']", choice)
         page.wait_for_function(f"{skin}.intensitymode === 'cell' && {skin}.intensity.length === 3")
@@ -119,6 +125,7 @@ def test_a_membrane_on_a_mesh_moves_with_the_slider_in_every_colour(browser, dat
     page.keyboard.press("Home")
     page.evaluate("page.figures.forEach(moveFigure)")
     assert page.evaluate(f"Array.from({skin}.z)") == [0.0] * 5
+    assert page.evaluate(ropes.format("z")) == pytest.approx([0.008, 0.008, None, 0.008, 0.008])
     assert page.evaluate(f"{membrane}.data[6].x.length") == 0
     assert troubles == []
     page.close()
@@ -144,6 +151,10 @@ def test_the_page_fits_a_narrow_window_in_light_with_its_tables(browser, report,
     tables = f"{wide}.map((each) => each.scrollWidth - each.clientWidth)"
     assert page.evaluate(tables) == [0, 0, 0]
     page.screenshot(path=tmp_path / "narrow.png", full_page=True, timeout=PATIENCE)
+    page.set_viewport_size({"width": 1400, "height": 900})
+    page.evaluate(f"{wide}.forEach((each) => {{ each.querySelector('tbody td').textContent = 'x'.repeat(200) }})")
+    fits = f"{wide}.map((each) => each.querySelector('caption')).filter(Boolean).map((each) => each.offsetWidth <= 700)"
+    assert page.evaluate(fits) == [True] * 3  # captions of wide tables can be read whole
     assert troubles == []
     page.close()
 
