@@ -5,6 +5,7 @@ import math
 import re
 import shutil
 import subprocess
+import time
 import zlib
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +15,7 @@ import pytest
 from fmu_host import Instance
 from gossamer_fmus.catalogue import make_model
 from gossamer_fmus.flight import HEALTH, PERIOD, flight_files, golden_vectors, vectors_of
-from gossamer_fmus.flight_budgets import FlightError, budgets, missing_tools, stack_bound
+from gossamer_fmus.flight_budgets import FlightError, budgets, missing_tools, run_tool, stack_bound
 from gossamer_models import ParameterError, Stepper
 from gossamer_models.compensator import compensator_model
 from gossamer_models.membrane import square_structure
@@ -197,6 +198,17 @@ def test_a_processor_with_the_highest_byte_first_gives_the_same_bits(written):
     run("s390x-linux-gnu-gcc", *options, "compensator.c", "golden.c", "-lm", "-o", "highest_first", folder=folder)
     found = printed(run("qemu-s390x", "highest_first", folder=folder))
     assert found["different"] == found["health"] == 0
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="no /proc here")
+def test_what_takes_too_long_is_ended_with_all_that_it_started(tmp_path):
+    with pytest.raises(FlightError, match="did not end within"):
+        run_tool(["sh", "-c", "sleep 60 & echo $! > pid; wait"], tmp_path, 0.5)
+    child = Path("/proc") / (tmp_path / "pid").read_text().strip() / "stat"
+    end = time.monotonic() + 10.0
+    while child.exists() and child.read_text().split()[2] != "Z":
+        assert time.monotonic() < end
+        time.sleep(0.01)
 
 
 def test_a_function_that_calls_itself_has_no_stack_bound():
