@@ -6,7 +6,7 @@ From the folder ``docs``::
     python -m studies.on_board drift [WINDOWS]     alarms where nothing happens but that the clock is off
     python -m studies.on_board count [STREAMS]     alarms of normal noise, whose sums over a window are drawn at once
 
-Records are of the bilinear square. They last 34 of its first periods; damage begins in the 29th. The watch on board begins
+Records are of the bilinear square. They last 40 of its first periods; damage begins in the 29th. The watch on board begins
 when the response has settled, after twelve.
 """
 
@@ -27,7 +27,7 @@ from .twin import BILINEAR
 from .watch import HEALTHY, THESIS, WORLDS
 
 Array = NDArray[np.float64]
-SETTLES, BEFORE, ALL = 12, 28, 34  # first periods
+SETTLES, BEFORE, ALL = 12, 28, 40  # first periods
 NAMES = ("step", "load", "gains")
 GROUND = 169  # samples of a window on the ground
 DRIFTS = (0.0, 2e-5, 1e-4)  # of the clock

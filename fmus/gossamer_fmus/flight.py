@@ -150,8 +150,9 @@ def _range(v: Variable) -> str:
     return f"{'any' if low is None else f'{low:g}'} to {'any finite number' if high is None else f'{high:g}'}"
 
 
-def _comment(text: str) -> str:
-    return text.replace("*/", "* /")
+def c_comment(text: str) -> str:
+    """Return text that ends no comment of C and holds no trigraph of a backslash."""
+    return text.replace("*/", "* /").replace("??/", "?? /")
 
 
 def _header(model: StepModel, sizes: dict[str, int], bits: FloatBits) -> str:
@@ -160,7 +161,7 @@ def _header(model: StepModel, sizes: dict[str, int], bits: FloatBits) -> str:
     parameters, inputs, results = (model.variables[part] for part in model.slices())
     version = int(model.digest[:8], 16) ^ bits
     lines = [
-        f"/* {model.name}: {_comment(model.description)}. Written by gossamer flight; see INTERFACE.md. */",
+        f"/* {model.name}: {c_comment(model.description)}. Written by gossamer flight; see INTERFACE.md. */",
         "#ifndef COMPONENT_H",
         "#define COMPONENT_H",
         "",
@@ -185,7 +186,7 @@ def _header(model: StepModel, sizes: dict[str, int], bits: FloatBits) -> str:
         for name, count, v in _fields(variables):
             size = f"[{count}]" if count > 1 or v.name.endswith("]") else ""
             start = "" if v.start is None else f"; starts at {v.start:g}"
-            lines.append(f"  component_real {name}{size}; /* [{v.unit}] {_comment(v.description)}; {_range(v)}{start} */")
+            lines.append(f"  component_real {name}{size}; /* [{v.unit}] {c_comment(v.description)}; {_range(v)}{start} */")
         if what == "inputs":
             lines += ["  uint32_t sequence; /* number of the sample, one more each period */"]
         if what == "outputs":

@@ -5,8 +5,10 @@ An instruction count is no time: memory that waits, caches and interrupts are no
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
+import signal
 import subprocess
 from collections.abc import Iterable
 from pathlib import Path
@@ -19,6 +21,7 @@ TOOLS = {
     "arm-none-eabi-gcc": "gcc-arm-none-eabi and libnewlib-arm-none-eabi",
     "qemu-system-arm": "qemu-system-arm",
 }
+PATIENCE = 600.0  # [s]
 _NODE = re.compile(r'node: \{ title: "([^"]+)" label: "[^"]*?(?:\\n(\d+) bytes \((\w+)\)[^"]*)?"')
 _EDGE = re.compile(r'edge: \{ sourcename: "([^"]+)" targetname: "([^"]+)"')
 
@@ -117,15 +120,22 @@ def _sections(printed: str) -> dict[str, float]:
     return sizes
 
 
-def run_tool(command: Iterable[str], folder: Path) -> str:
-    """Run a program in a folder and return what it printed; ``FlightError`` if it fails or takes ten minutes."""
+def run_tool(command: Iterable[str], folder: Path, patience: float = PATIENCE) -> str:
+    """Run a program in a folder and return what it printed; ``FlightError`` if it fails or takes longer than that [s]."""
     words = list(command)
-    try:
-        done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False, timeout=600)
-    except subprocess.TimeoutExpired as error:
-        msg = f"{' '.join(words)} did not end within {error.timeout:g} s. The board may have stopped."
-        raise FlightError(msg) from error
-    if done.returncode:
-        msg = f"{' '.join(words)} failed with code {done.returncode}:\n{(done.stdout + done.stderr)[-2000:]}"
+    # a group of its own, so that make and the emulator that it runs end together
+    with subprocess.Popen(
+        words, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    ) as running:
+        try:
+            out, errors = running.communicate(timeout=patience)
+        except BaseException as error:
+            os.killpg(running.pid, signal.SIGKILL)
+            if not isinstance(error, subprocess.TimeoutExpired):
+                raise
+            msg = f"{' '.join(words)} did not end within {patience:g} s. The board may have stopped."
+            raise FlightError(msg) from error
+    if running.returncode:
+        msg = f"{' '.join(words)} failed with code {running.returncode}:\n{(out + errors)[-2000:]}"
         raise FlightError(msg)
-    return done.stdout
+    return out

@@ -45,6 +45,9 @@ _NUMBER = re.compile(r"(?<![\w.])(\d+\.\d*(?:e[+-]?\d+)?)(?![\w.])")
 _INDEX = re.compile(r"\((?:casadi_)?int\) ?(\*c[rs](?:\+\+)?|\w+\[\w+\]|w\d+\b|x\b)")
 _LOW = re.compile(r"^  switch \(lookup_mode\) \{.*?default:\n *\{\n(.*?)      \}\n  \}\n", re.DOTALL | re.MULTILINE)
 _FUNCTION = re.compile(r"/\* (\w+):[^\n]*\*/\nstatic int (casadi_f\d+)\(.*?\n\}\n", re.DOTALL)
+_NOT = re.compile(r"\(! ([^()]+?) *\)")
+_CONDITION = r"(\(\*c[rs]\+\+\)|[\w\[\]]+)"
+_IF, _BOTH = re.compile(rf"\({_CONDITION}\?"), re.compile(rf"\({_CONDITION}(&&|\|\|){_CONDITION}\)")
 _BEGIN = re.compile(r"^(static int casadi_f\d+\(.*\{)$", re.MULTILINE)
 _PLACE = re.compile(r"\*w(\d+)=w\+(\d+)")
 _CALL = re.compile(r"\b(casadi_f\d+)\([^()]*, iw, w, 0\)")
@@ -63,6 +66,8 @@ def mathematics(model: StepModel, bits: FloatBits) -> tuple[str, str, dict[str, 
     code = _INDEX.sub(r"casadi_index(\1)", _LOW.sub(r"  (void)lookup_mode; /* always 0 */\n\1", code))
     code = code.replace("= casadi_low(", "= (casadi_real)casadi_low(")
     code = _BEGIN.sub(r"\1\n (void)arg, (void)res, (void)iw, (void)w, (void)mem;", code)
+    # numbers as conditions are conversions, of which clang warns
+    code = _BOTH.sub(r"(\1 != 0.0 \2 \3 != 0.0)", _IF.sub(r"(\1 != 0.0 ? ", _NOT.sub(r"(\1 == 0.0)", code)))
     if bits == 32:
         code = _NUMBER.sub(lambda found: f"{_in_float(float(found[1]))!r}f", code)
     bodies = {found[2]: found[0] for found in _FUNCTION.finditer(code)}
@@ -107,6 +112,7 @@ def mathematics(model: StepModel, bits: FloatBits) -> tuple[str, str, dict[str, 
         f"#define casadi_real {'float' if bits == 32 else 'double'}",
         "#define casadi_int int",
         "#define casadi_nan ((casadi_real)NAN)",
+        "#define casadi_inf ((casadi_real)INFINITY)",
         *(f"#define {each} {each}f" for each in _FUNCTIONS if bits == 32),
         "#ifndef COMPONENT_CONST",
         "#define COMPONENT_CONST const /* a test of upsets lets them be written */",

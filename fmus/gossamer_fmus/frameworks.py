@@ -16,13 +16,16 @@ from typing import Literal
 from gossamer_models import StepModel
 
 from .description import Array, arrays_of
+from .flight import PERIOD, c_comment
 from .flight_mathematics import FloatBits
 
 Framework = Literal["fprime", "cfs"]
 Arrays = Sequence[Array]
 
 
-def framework_files(model: StepModel, name: str, framework: Framework, bits: FloatBits = 64) -> dict[str, bytes]:
+def framework_files(
+    model: StepModel, name: str, framework: Framework, bits: FloatBits = 64, period: float = PERIOD
+) -> dict[str, bytes]:
     """Return the files of a component for a framework by name.
 
     Parameters
@@ -35,12 +38,15 @@ def framework_files(model: StepModel, name: str, framework: Framework, bits: Flo
         Whose.
     bits : {32, 64}
         Of its numbers.
+    period : float
+        Between samples [s], where it starts.
     """
     arrays = arrays_of(model)
     parameters, inputs = ([a for a in arrays if a.members[0].causality == each] for each in ("parameter", "input"))
     results = [a for a in arrays if a.members[0].causality in ("output", "local")]
     parts = _fprime(parameters, inputs, results, bits) if framework == "fprime" else _cfs(parameters, bits)
-    parts |= {"Name": name.capitalize(), "name": name, "NAME": name.upper(), "description": model.description}
+    named = {"Name": name.capitalize(), "name": name, "NAME": name.upper(), "period": repr(period)}
+    parts |= named | {"description": c_comment(model.description)}
 
     def filled(text: str) -> str:
         return reduce(lambda text, part: text.replace(f"{{{{{part[0]}}}}}", part[1]), parts.items(), text)
@@ -103,9 +109,7 @@ def _cfs(parameters: Arrays, bits: FloatBits) -> dict[str, str]:
             limits = f"{bound(low, '-' + largest)}, {bound(high, largest)}"
             lines.append(f"  Valid = Valid && Within(t->Parameters.{a.name}{at}, {limits});")
         numbers = ", ".join(bound(v.start, "0.0") for v in a.members)
-        starts.append(
-            f"        .{a.name} = {f'{{{numbers}}}' if a.shape else numbers}, /* {_meaning(a).replace('*/', '* /')} */"
-        )
+        starts.append(f"        .{a.name} = {f'{{{numbers}}}' if a.shape else numbers}, /* {c_comment(_meaning(a))} */")
     return {"smallest": smallest, "largest": largest, "ranges": "\n".join(lines), "starts": "\n".join(starts)}
 
 

@@ -151,8 +151,6 @@ def flight(
     for name, value in (others if kind == "watch" else of_watch).items():
         require(value is None, f"{option(name)} has no meaning for a {kind}. Leave it out.")
     require(noise is None or noise > 0.0, "--noise is what a watch compares with: it must be larger than 0.")
-    own_period = kind == "watch" and framework is not None
-    require(not own_period, "a watch has a period of its own, which --framework does not know. Leave it out.")
     if kind == "watch":
         model, vectors, golden, period = _watch(setup, DEFAULT_NOISE if noise is None else noise)
     else:
@@ -161,7 +159,7 @@ def flight(
     files = flight_files(model, kind, vectors, golden, float, period)
     if framework is not None:
         own = {name: files[name] for name in (f"{kind}.c", f"{kind}.h", f"{kind}_math.h", f"{kind}_table.h")}
-        own |= framework_files(model, kind, framework, float)
+        own |= framework_files(model, kind, framework, float, period)
         files |= {f"{framework}/{name}": content for name, content in own.items()}
     check_outputs(folder / name for name in files)
     for name, content in files.items():

@@ -5,6 +5,7 @@ import math
 import re
 import shutil
 import subprocess
+import time
 import zlib
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +15,7 @@ import pytest
 from fmu_host import Instance
 from gossamer_fmus.catalogue import make_model
 from gossamer_fmus.flight import HEALTH, PERIOD, flight_files, golden_vectors, vectors_of
-from gossamer_fmus.flight_budgets import FlightError, budgets, missing_tools, stack_bound
+from gossamer_fmus.flight_budgets import FlightError, budgets, missing_tools, run_tool, stack_bound
 from gossamer_models import ParameterError, Stepper
 from gossamer_models.compensator import compensator_model
 from gossamer_models.membrane import square_structure
@@ -27,6 +28,7 @@ KINDS = ("compensator", "estimator", "filter")
 BIT = {name: 1 << k for k, (name, _) in enumerate(HEALTH)}
 STRICT = ["-std=c11", "-ffp-contract=off", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror"]
 COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)]
+SPARC, NEWLIB = shutil.which("sparc64-linux-gnu-gcc"), Path("/usr/include/newlib")
 MAKE = ["make", "-s", f"CC={COMPILERS[0] if COMPILERS else ''}", "OPT=-O1"]
 needs_compiler = pytest.mark.skipif(not COMPILERS or not shutil.which("make"), reason="no gcc, clang or make here")
 needs_board = pytest.mark.skipif(bool(missing_tools()), reason=f"not installed: {', '.join(missing_tools())}")
@@ -106,11 +108,12 @@ def test_so_has_the_watch_which_no_flipped_bit_makes_wrong(tmp_path):
     assert all(line.endswith(" 0 of these not seen, 0 valid and wrong") for line in lines)
 
 
-@needs_compiler
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("bits", [64, 32])
-@pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.parametrize("compiler", ["gcc", "clang"])
 def test_it_compiles_without_warnings(written, kind, bits, compiler):
+    if compiler not in COMPILERS:
+        pytest.skip(f"no {compiler} here")
     run(compiler, *STRICT, "-fsyntax-only", f"{kind}.c", "main.c", folder=written(kind, bits))
 
 
@@ -118,6 +121,27 @@ def test_it_compiles_without_warnings(written, kind, bits, compiler):
 @pytest.mark.parametrize(("kind", "bound"), [("compensator", 1e-6), ("estimator", 5e-5)])
 def test_single_precision_is_as_good_as_the_page_says(written, kind, bound):
     assert 0.0 < printed(run(*MAKE, "golden", folder=written(kind, 32)))["worst"] < bound
+
+
+@pytest.mark.skipif("clang" not in COMPILERS, reason="no clang here")
+@pytest.mark.parametrize("kind", KINDS[:2])
+def test_clang_gives_the_bits_of_the_model(written, kind):
+    folder = written(kind)
+    run("clang", *STRICT[:2], "-O2", f"{kind}.c", "golden.c", "-lm", "-o", "by_clang", folder=folder)
+    found = printed(run(folder / "by_clang", folder=folder))
+    assert found["different"] == found["health"] == 0
+
+
+@pytest.mark.skipif(not (SPARC and NEWLIB.is_dir()), reason="no gcc-sparc64-linux-gnu or newlib's headers here")
+@pytest.mark.parametrize("bits", [64, 32])
+def test_it_compiles_for_a_leon3_and_needs_mathematics_and_nothing_else(written, bits):
+    folder = written("compensator", bits)
+    options = ("-m32", "-mcpu=leon3", "-fno-pic", "-O1", "-isystem", NEWLIB)
+    run(SPARC, *options, *STRICT, "-c", "compensator.c", "-o", "leon.o", folder=folder)
+    assert (folder / "leon.o").read_bytes()[:20] == b"\x7fELF\x01\x02\x01" + bytes(9) + b"\x00\x01\x00\x02"  # 32 bits, SPARC
+    symbols = [line.split() for line in run("sparc64-linux-gnu-nm", "leon.o", folder=folder).splitlines()]
+    wanted = {words[-1].removesuffix("f") for words in symbols if words[-2] == "U"}
+    assert wanted <= {"memcpy", "memset", "exp", "expm1", "floor", "fmax", "fmin", "fabs", "sqrt"}
 
 
 def test_golden_vectors_are_what_the_native_fmu_gives(vectors, built, unzipped_once):
@@ -174,6 +198,17 @@ def test_a_processor_with_the_highest_byte_first_gives_the_same_bits(written):
     run("s390x-linux-gnu-gcc", *options, "compensator.c", "golden.c", "-lm", "-o", "highest_first", folder=folder)
     found = printed(run("qemu-s390x", "highest_first", folder=folder))
     assert found["different"] == found["health"] == 0
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="no /proc here")
+def test_what_takes_too_long_is_ended_with_all_that_it_started(tmp_path):
+    with pytest.raises(FlightError, match="did not end within"):
+        run_tool(["sh", "-c", "sleep 60 & echo $! > pid; wait"], tmp_path, 0.5)
+    child = Path("/proc") / (tmp_path / "pid").read_text().strip() / "stat"
+    end = time.monotonic() + 10.0
+    while child.exists() and child.read_text().split()[2] != "Z":
+        assert time.monotonic() < end
+        time.sleep(0.01)
 
 
 def test_a_function_that_calls_itself_has_no_stack_bound():

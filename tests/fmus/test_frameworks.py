@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -69,6 +70,22 @@ def test_a_channel_has_unit_and_limits(written):
     text = (written("compensator", "fprime") / "Compensator.fpp").read_text()
     assert 'telemetry $offset_deviation: F64 id 0x06 format "{e} ohm" low { red 0.0 }' in text
     assert "param FULL_SCALE_STRAIN: F64 default 0.5 id 0x03" in text
+
+
+@pytest.mark.parametrize(
+    ("framework", "file", "line"),
+    [
+        ("fprime", "Other.fpp", "param PERIOD: F64 default 0.002 id"),
+        ("cfs", "other_tbl.c", "(other_real)0.002, /* period [s] */"),
+    ],
+)
+def test_it_starts_with_the_period_of_the_component(framework, file, line):
+    assert line in framework_files(make_model("compensator"), "other", framework, period=2e-3)[file].decode()
+
+
+def test_no_description_ends_a_comment():
+    model = replace(make_model("compensator"), description="a */ b ??/ c")
+    assert "/* a * / b ?? / c" in framework_files(model, "other", "cfs")["other_app.h"].decode()
 
 
 def declared_base(folder, kind):

@@ -13,7 +13,7 @@ import pytest
 from command_line import invoke
 from fmu_host import Instance
 from gossamer_fmus.catalogue import make_model
-from gossamer_fmus.flight import PERIOD, golden_vectors
+from gossamer_fmus.flight import HEALTH, PERIOD, golden_vectors
 from gossamer_fmus.flight_budgets import missing_tools
 
 pytestmark = pytest.mark.skipif(bool(missing_tools()), reason=f"not installed: {', '.join(missing_tools())}")
@@ -137,6 +137,31 @@ def test_a_processor_that_dies_in_a_run_is_named_and_a_reset_begins_anew(begin):
     fmu.slave.reset()
     fmu.initialize()
     assert fmu.step(PERIOD) == 0
+
+
+BOARD = """
+import struct, sys
+size, results = int(sys.argv[1]), int(sys.argv[2])
+while len(request := sys.stdin.buffer.read(size)) == size:
+    (magic,), (number,) = struct.unpack_from("<I", request), struct.unpack_from("<I", request, size - 8)
+    health = int(sys.argv[3]) if number == 2 else 0
+    sys.stdout.buffer.write(struct.pack("<4I", magic, number, health, 0) + bytes(8 * results))
+    sys.stdout.buffer.flush()
+"""
+
+
+@pytest.mark.parametrize(("health", "words"), [("LOST", "its state is lost"), ("FAILED", "its step failed")])
+def test_a_component_that_has_no_state_or_no_results_stops_the_run(begin, tmp_path, health, words):
+    model = make_model("compensator")
+    parameters, inputs, results = (part.stop - part.start for part in model.slices())
+    (tmp_path / "board.py").write_text(BOARD)
+    bit = 1 << [name for name, _ in HEALTH].index(health)
+    numbers = (16 + 8 * (parameters + inputs) + 8, results, bit)
+    fmu = begin("10", sys.executable, str(tmp_path / "board.py"), *map(str, numbers))
+    fmu.initialize()
+    assert fmu.step(PERIOD) == 0
+    assert fmu.step(PERIOD) == 2
+    assert f"says that {words}" in fmu.messages[-1]
 
 
 def test_the_period_is_that_of_the_first_step(begin):

@@ -172,6 +172,11 @@ static int processor_ask(Processor *p, double *results) {
     processor_stop(p, 0.0);
     return snprintf(p->why, sizeof p->why, "the processor of model '%s' sent what is no answer and was ended", MODEL_NAME);
   }
+  if (answer.health & (COMPONENT_LOST | COMPONENT_FAILED)) { /* no results, or those of the step before */
+    return snprintf(p->why, sizeof p->why, "the component of model '%s' says %s (health 0x%x) of sample %u. Reset the model.", MODEL_NAME,
+                    answer.health & COMPONENT_LOST ? "that its state is lost" : "that its step failed", (unsigned)answer.health,
+                    (unsigned)answer.sequence);
+  }
   for (int i = 0; i < N_RESULTS; i++) {
     results[i] = i == HEALTH ? answer.health : (double)answer.results[i < HEALTH ? i : i - 1];
   }

@@ -81,7 +81,6 @@ def test_so_it_does_for_a_processor_in_the_loop(tmp_path, monkeypatch):
         ("watch --artifact sensor.json", "--artifact has no meaning for a watch"),
         ("compensator --noise 0.002", "--noise has no meaning for a compensator"),
         ("watch --noise 0", "must be larger than 0"),
-        ("watch --framework cfs", "a period of its own"),
     ],
 )
 def test_a_watch_and_the_others_have_options_of_their_own(words, message):

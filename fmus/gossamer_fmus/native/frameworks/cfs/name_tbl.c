@@ -4,7 +4,7 @@
 #include "{{name}}_app.h"
 
 {{NAME}}_Table_t {{Name}}Table = {
-    ({{name}}_real)3e-4, /* period [s] */
+    ({{name}}_real){{period}}, /* period [s] */
     {
 {{starts}}
     },

@@ -37,7 +37,7 @@ module Gossamer {
 
 {{telemetry}}
     @ Time between samples [s]
-    param PERIOD: {{real}} default 3e-4 id 0x00 set opcode 0x40 save opcode 0x80
+    param PERIOD: {{real}} default {{period}} id 0x00 set opcode 0x40 save opcode 0x80
 
 {{parameters}}
     command recv port cmdIn
