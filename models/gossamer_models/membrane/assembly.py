@@ -282,13 +282,11 @@ class MembraneEquations:
     def _with_lines(self, total: Forces, x: ca.MX, u: Values, p: Values) -> Forces:
         """Add what cables and beams give; the bounds of their squared frequencies add up."""
         d, x, f, strain, rate = self._of_lines(u), x[self._on_lines], ca.MX(total.f), total.strain, ca.MX(0.0)
-        pulls = []
         for loop in self._line_loops:
             pull, each, *more = self._looped(loop, x, d) if self._compiled else self._mapped(loop, x, d)
-            pulls.append(pull)
+            f[self._on_lines] += pull
             strain = ca.fmax(strain, *more) if more else strain
             rate += self.lightness(p) * each
-        f[self._on_lines] += sum(pulls)  # once: it copies all forces
         rate = total.rate + rate if self.structure.adds_lines else ca.fmax(total.rate, rate)
         return replace(total, f=f, rate=rate, strain=strain)
 
