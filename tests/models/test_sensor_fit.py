@@ -207,6 +207,9 @@ def test_too_few_or_too_large_samples_are_refused(known):
         fit_preisach((replace(known, strain=1e-3 * known.strain),), everything(known), QUICK, full_scale=1.0)
     with pytest.raises(DataError, match=r"the output falls as strain rises, their correlation is -0\.9"):
         fit_preisach((replace(known, resistance=-known.resistance),), everything(known), QUICK)
+    turned = replace(known, strain=1e-300 * known.strain, resistance=-known.resistance)
+    with pytest.raises(DataError, match="the output falls as strain rises"):  # squares of such strains are zero
+        fit_preisach((turned,), everything(known), QUICK)
     for wrong in (0.0, float("nan"), float("inf")):
         with pytest.raises(DataError, match="the full scale is"):
             fit_preisach((known,), everything(known), QUICK, full_scale=wrong)

@@ -90,6 +90,7 @@ def _spread(spec: str) -> list[Given]:
             msg = f"{spec!r} is not two numbers and how many values, such as 0:0.5:6"
             raise ValueError(msg) from None
         require(1 <= count <= MOST_CASES, f"{count} values are too few or too many", ValueError)
+        require(np.isfinite(high - low), f"{spec!r} has an end that is not finite, or too far away", ValueError)
         return [float(f"{value:.12g}") for value in np.linspace(low, high, count)]
     if len(parts) == 2:
         try:

@@ -144,6 +144,7 @@ class Problems:
 
 
 LONGEST = 200  # characters of a value in a message
+_DEEPEST = 50  # levels of tables and arrays
 
 
 def read_text(path: Path, what: str) -> str:
@@ -176,7 +177,14 @@ def parse_toml(text: str, name: str, what: str) -> dict[str, Any]:
         It is not TOML.
     """
     try:
-        return tomllib.loads(text)
+        content = tomllib.loads(text)
+        level: list[Any] = [content]
+        for _ in range(_DEEPEST):
+            level = [each for value in level for each in (value.values() if isinstance(value, dict) else value)]
+            level = [value for value in level if isinstance(value, dict | list)]
+            if not level:
+                return content
+        raise RecursionError
     except tomllib.TOMLDecodeError as error:
         found = re.fullmatch(r"(.*) \(at line (\d+), (column \d+)\)", str(error))
         problem, line, column = found.groups() if found else (str(error), len(text.splitlines()), "")

@@ -53,7 +53,9 @@ def test_all_values_are_combined_the_last_fastest():
     ]
 
 
-@pytest.mark.parametrize("text", ["a.x=0:1:0", "a.x=3:1", "a.x=x:y", "a.x=0:1:2:3", "a.x=", "a.x", "a.x=1,,2"])
+@pytest.mark.parametrize(
+    "text", ["a.x=0:1:0", "a.x=3:1", "a.x=x:y", "a.x=0:1:2:3", "a.x=", "a.x", "a.x=1,,2", "a.x=nan:1:3", "a.x=0:inf:3"]
+)
 def test_a_range_that_is_none_is_named(text):
     with pytest.raises(ScenarioError, match=rf"^'{re.escape(text)}': (?!'it).*\. Write NAME="):
         read_ranges([text])

@@ -46,6 +46,7 @@ TEXT_REFUSALS = {
         r"^chain.toml:8: 'u' in 'components.source.inputs': should be a finite number, true, false, "
         "a text, or an array of these, not nan.$",
     ),
+    "keys without end": (("stop = 1.0", "stop = 1.0\n" + 3000 * "a." + "b = 1"), "chain.toml: .* nested too deeply"),
     "nested without end": (("stop = 1.0", "stop = " + 100_000 * "["), "chain.toml: .* nested too deeply"),
     "unknown master": (
         ("step = 0.1", 'step = 0.1\nmaster = "gauss"'),

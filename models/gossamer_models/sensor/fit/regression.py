@@ -239,6 +239,7 @@ def _check(records: tuple[Record, ...], train: tuple[Rows, ...], full_scale: flo
         raise DataError(msg)
     strain = np.concatenate([r.strain[rows] - r.strain[rows].mean() for r, rows in pairs])
     output = np.concatenate([r.resistance[rows] - r.resistance[rows].mean() for r, rows in pairs])
+    strain, output = strain / np.abs(strain).max(), output / np.abs(output).max()  # squares of tiny numbers are zero
     correlation = float(strain @ output) / float(np.linalg.norm(strain) * np.linalg.norm(output))
     if correlation < -OPPOSED:
         msg = (
