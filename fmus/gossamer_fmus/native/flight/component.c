@@ -286,6 +286,21 @@ static uint32_t admitted(const component_block *b, const component_inputs *u, co
   return health;
 }
 
+/* Whether the results of a step may count: where its lists are too many for every step, all are checked before results that
+   differ from the last ones, as at the end of a window. */
+static bool may_count(const component *c) {
+#if COMPONENT_LISTS_PER_STEP < COMPONENT_N_REAL_LISTS
+  bool same = true;
+  for (uint32_t i = 0U; i < COMPONENT_N_RESULTS; i++) {
+    same = same && (c->first.results[i] == c->second.results[i]);
+  }
+  return same || lists_hold(COMPONENT_N_INDEX_LISTS, COMPONENT_N_REAL_LISTS);
+#else
+  (void)c;
+  return true;
+#endif
+}
+
 /* Take a sample into the second copy, from the first. */
 static uint32_t taken(component *c, const component_inputs *u, component_work *w) {
   component_real inputs[COMPONENT_N_INPUTS];
@@ -306,6 +321,11 @@ static uint32_t taken(component *c, const component_inputs *u, component_work *w
     (void)memcpy(next->results, c->first.results, sizeof next->results);
     count_up(&next->counts[COMPONENT_COUNT_FAILED]);
     health |= COMPONENT_FAILED;
+  } else if (!may_count(c)) {
+    (void)memcpy(next->state, c->first.state, sizeof next->state);
+    (void)memcpy(next->results, c->first.results, sizeof next->results);
+    count_up(&next->counts[COMPONENT_COUNT_REFUSED]);
+    health |= COMPONENT_CONSTANTS;
   } else {
     next->sequence = u->sequence;
     count_up(&next->counts[COMPONENT_COUNT_STEPS]);
