@@ -20,6 +20,7 @@ from ..arrays import Matrix, Rows, Vector
 from ..errors import ConvergenceError, DataError, require
 from .answer import Answer, ZonesFound, covariance_over, names_of, of_record, order_of, together_with, untold_zones
 from .correction import SAME_NOISE, SETTLED, differentiated, moved, noise_left
+from .forward import side_by_side
 from .groups import groups_of
 from .joint import Before, JointProblem
 from .least_squares import Quadratic, bounded_minimum
@@ -164,7 +165,7 @@ def inspect(
     earlier = Earlier.of(since) if isinstance(since, Answer) else since
     before = None if earlier is None else earlier.before(twin.names, repaired, len(twin.faults))
     with threadpool_limits(1):
-        alone = [twin.alone(record, report, corrects=False) for record in records]
+        alone = side_by_side(lambda record: twin.alone(record, report, corrects=False), records)
         fit = _together(twin, alone, before)
         unresolved = untold_zones(fit)
         if before is None:

@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from threading import Lock
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -201,6 +202,7 @@ class Twin:
         if discrepancy == "learned" and not self._learned:
             self.discrepancy = None
         self._behind: Discrepancy | None = None
+        self._learning = Lock()  # records are searched side by side
         self._slopes: tuple[ResponseRecord | None, Matrix | None] = (None, None)
         if healthy is not None and (mesh_error is None or self.discrepancy is not None):
             msg = (
@@ -547,12 +549,13 @@ class Twin:
         """Make the problem of what is compared of a record, or of its first samples; wider: with all nuisances there are."""
         compared = record.first(self._compared(record))
         nuisances = self._nuisances(self._kinds(compared, wider=wider), compared)
-        if self._slopes[0] is not record:  # those of all its problems
-            self._slopes = (record, self._slopes_at(compared, nuisances))
+        slopes = self._slopes
+        if slopes[0] is not record:  # those of all its problems
+            slopes = self._slopes = (record, self._slopes_at(compared, nuisances))
         return RecordProblem(
             self._sensed,
             compared if samples is None else compared.first(samples),
-            replace(nuisances, slopes=self._slopes[1]),
+            replace(nuisances, slopes=slopes[1]),
             record.noise_deviation() if noise is None else noise,
             self._discrepancy_of(record, report),
             groups,
@@ -599,11 +602,12 @@ class Twin:
             return None
         if self.discrepancy is None or not self._may_be_off(record):
             return self.discrepancy
-        if self._behind is None:
-            advice = f"Give discrepancy=None, or {option('known', SENSOR)}."
-            require(self._learned, f"what a mesh lacks behind sensors is learned of the thesis' square alone. {advice}")
-            self._behind = self.discrepancy.behind(self._sensed.require_bank(), report)
-        return self._behind
+        with self._learning:
+            if self._behind is None:
+                advice = f"Give discrepancy=None, or {option('known', SENSOR)}."
+                require(self._learned, f"what a mesh lacks behind sensors is learned of the thesis' square alone. {advice}")
+                self._behind = self.discrepancy.behind(self._sensed.require_bank(), report)
+            return self._behind
 
     def _error_of(self, record: ResponseRecord) -> MeshError | None:
         """Return the error of the mesh under the loads of a record, where no discrepancy stands for it."""
