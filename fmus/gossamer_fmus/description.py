@@ -102,6 +102,13 @@ def arrays_of(model: StepModel) -> list[Array]:
     return arrays
 
 
+def arrays_in_parts(model: StepModel) -> tuple[list[Array], list[Array], list[Array]]:
+    """Return the arrays and scalars of parameters, inputs and results, as ``arrays_of``."""
+    arrays = arrays_of(model)
+    parameters, inputs = ([a for a in arrays if a.members[0].causality == each] for each in ("parameter", "input"))
+    return parameters, inputs, arrays[len(parameters) + len(inputs) :]
+
+
 def model_description(model: StepModel, guid: str, *, fmi: FmiVersion = 2, native: bool) -> bytes:
     """Write the model description.
 

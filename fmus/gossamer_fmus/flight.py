@@ -25,6 +25,7 @@ import numpy as np
 from gossamer_models import ParameterError, StepModel, Stepper, Variable
 from gossamer_models.arrays import Vector
 
+from .description import Array, arrays_in_parts
 from .flight_mathematics import FloatBits, mathematics
 
 GOLDEN_STEPS, OF_DETECTOR = 240, 1300  # samples of the golden vectors; more than a window of a detector
@@ -132,16 +133,6 @@ def _driven(
         yield stepper.get(read) if isinstance(read, str) else [stepper.get(name) for name in read]
 
 
-def _fields(variables: Sequence[Variable]) -> Iterator[tuple[str, int, Variable]]:
-    """Yield name, number of elements and first variable of each field of a structure."""
-    sizes: dict[str, tuple[int, Variable]] = {}
-    for v in variables:
-        name = v.name.partition("[")[0]
-        count, first = sizes.get(name, (0, v))
-        sizes[name] = (count + 1, first)
-    yield from ((name, count, first) for name, (count, first) in sizes.items())
-
-
 def _range(v: Variable) -> str:
     """Return the range of a variable as words."""
     low, high = v.minimum, v.maximum
@@ -181,12 +172,14 @@ def _header(model: StepModel, sizes: dict[str, int], bits: FloatBits) -> str:
         f"typedef {real} component_real;",
         "",
     ]
-    for what, variables in (("parameters", parameters), ("inputs", inputs), ("outputs", results)):
+    for what, arrays in zip(("parameters", "inputs", "outputs"), arrays_in_parts(model), strict=True):
         lines.append("typedef struct {")
-        for name, count, v in _fields(variables):
-            size = f"[{count}]" if count > 1 or v.name.endswith("]") else ""
+        for array in arrays:
+            v, size = array.members[0], f"[{array.size}]" if array.shape else ""
             start = "" if v.start is None else f"; starts at {v.start:g}"
-            lines.append(f"  component_real {name}{size}; /* [{v.unit}] {c_comment(v.description)}; {_range(v)}{start} */")
+            lines.append(
+                f"  component_real {array.name}{size}; /* [{v.unit}] {c_comment(v.description)}; {_range(v)}{start} */"
+            )
         if what == "inputs":
             lines += ["  uint32_t sequence; /* number of the sample, one more each period */"]
         if what == "outputs":
@@ -221,8 +214,8 @@ def _header(model: StepModel, sizes: dict[str, int], bits: FloatBits) -> str:
         f"  component_real w[{sizes['W']}];",
         "} component_work;",
         "",
-        *_starts("parameters", parameters, bits),
-        *_starts("inputs", inputs, bits),
+        *_starts("parameters", arrays_in_parts(model)[0], bits),
+        *_starts("inputs", arrays_in_parts(model)[1], bits),
         "#ifdef __cplusplus",
         'extern "C" {',
         "#endif",
@@ -295,12 +288,11 @@ def _number(value: float, bits: FloatBits) -> str:
     return f"{value!r}f" if bits == 32 else repr(value)
 
 
-def _starts(what: str, variables: Sequence[Variable], bits: FloatBits) -> list[str]:
-    values = iter(variables)
+def _starts(what: str, arrays: Sequence[Array], bits: FloatBits) -> list[str]:
     lines = [f"static const component_{what} component_start_{what} = {{"]
-    for name, count, v in _fields(variables):
-        numbers = ", ".join(_number(float(next(values).start or 0.0), bits) for _ in range(count))
-        lines.append(f"  .{name} = {f'{{{numbers}}}' if count > 1 or v.name.endswith(']') else numbers},")
+    for array in arrays:
+        numbers = ", ".join(_number(float(v.start or 0.0), bits) for v in array.members)
+        lines.append(f"  .{array.name} = {f'{{{numbers}}}' if array.shape else numbers},")
     return [*lines, "};", ""]
 
 
@@ -390,19 +382,18 @@ def _golden(model: StepModel, vectors: tuple[Vector, Vector], golden: Vector, bi
 
 def _interface(model: StepModel, bits: FloatBits) -> str:
     """Write the interface to be read."""
-    parameters, inputs, results = (model.variables[part] for part in model.slices())
     lines = [
         "# Interface of component",
         "",
         f"{model.description}. Written from the model's table of variables; numbers have {bits} bits. The model is "
         f"`{model.digest[:16]}`.",
     ]
-    for title, variables in (("Parameters", parameters), ("Inputs", inputs), ("Results", results)):
+    for title, arrays in zip(("Parameters", "Inputs", "Results"), arrays_in_parts(model), strict=True):
         lines += ["", f"## {title}", "", "| name | unit | range | start | meaning |", "| --- | --- | --- | --- | --- |"]
-        for name, count, v in _fields(variables):
-            size = f"[{count}]" if count > 1 else ""
+        for array in arrays:
+            v, size = array.members[0], f"[{array.size}]" if array.size > 1 else ""
             start = "" if v.start is None else f"{v.start:g}"
-            lines.append(f"| `{name}{size}` | {v.unit} | {_range(v)} | {start} | {v.description} |")
+            lines.append(f"| `{array.name}{size}` | {v.unit} | {_range(v)} | {start} | {v.description} |")
     lines += ["", "## Health", "", "| bit | name | meaning | usable |", "| --- | --- | --- | --- |"]
     lines += [
         f"| 0x{1 << k:03x} | `COMPONENT_{name}` | {meaning} | {'yes' if name in _USABLE else 'no'} |"

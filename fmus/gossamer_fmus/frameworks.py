@@ -15,7 +15,7 @@ from typing import Literal
 
 from gossamer_models import StepModel
 
-from .description import Array, arrays_of
+from .description import Array, arrays_in_parts
 from .flight import PERIOD, c_comment
 from .flight_mathematics import FloatBits
 
@@ -41,9 +41,7 @@ def framework_files(
     period : float
         Between samples [s], where it starts.
     """
-    arrays = arrays_of(model)
-    parameters, inputs = ([a for a in arrays if a.members[0].causality == each] for each in ("parameter", "input"))
-    results = [a for a in arrays if a.members[0].causality in ("output", "local")]
+    parameters, inputs, results = arrays_in_parts(model)
     parts = _fprime(parameters, inputs, results, bits) if framework == "fprime" else _cfs(parameters, bits)
     named = {"Name": name.capitalize(), "name": name, "NAME": name.upper(), "period": repr(period)}
     parts |= named | {"description": c_comment(model.description)}
