@@ -121,7 +121,7 @@ def _sections(printed: str) -> dict[str, float]:
 
 
 def run_tool(command: Iterable[str], folder: Path, patience: float = PATIENCE) -> str:
-    """Run a program in a folder and return what it printed; ``FlightError`` if it fails or takes longer than that [s]."""
+    """Run a program in a folder and return what it printed; ``FlightError`` if it fails or takes ``patience`` [s]."""
     words = list(command)
     # a group of its own, so that make and the emulator that it runs end together
     with subprocess.Popen(

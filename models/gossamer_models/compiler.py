@@ -20,6 +20,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
+from threading import Lock
 
 from gossamer_files import replacing
 
@@ -38,6 +39,7 @@ FLAGS = (
 _DIGITS = 16
 
 log = logging.getLogger(__name__)
+_making: dict[str, Lock] = {}
 
 
 def has_compiler() -> bool:
@@ -71,6 +73,11 @@ def kept_library(depends_on: Iterable[str | bytes], suffix: str, compile_it: Cal
         data = part.encode() if isinstance(part, str) else part
         key.update(len(data).to_bytes(8, "little") + data)
     name = key.hexdigest()[:_DIGITS]
+    with _making.setdefault(name, Lock()):  # threads that want the same wait for the first
+        return _kept(name, suffix, compile_it, what)
+
+
+def _kept(name: str, suffix: str, compile_it: Callable[[], bytes], what: str) -> Path:
     for file in cache_folder().glob(f"{name}.*{suffix}"):
         if is_whole(file):
             return file

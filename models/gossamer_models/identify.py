@@ -204,7 +204,7 @@ def identify_files(
     for before, record in zip(read, records, strict=True):
         if record is not before:
             log.warning("%s: %s", record.name, record.repairs[-1])
-    del read, before  # of ten million rows what is not fitted takes as much memory as a fifth of the fit
+    del read, before  # of ten million rows those that are not fitted would take a fifth of the memory of the fit
     rows = training_stretches(records, train)
     warming = None
     if not isinstance(settings, FractionalSettings) and not own_scales:  # which would read as an effect of temperature

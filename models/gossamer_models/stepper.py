@@ -356,7 +356,7 @@ def bind(
 
 
 class Evaluator:
-    """A CasADi function of dense vectors, without the time that its own calls take for arrays.
+    """A CasADi function of dense vectors that is called without making CasADi's matrices.
 
     Not to be shared by threads; it can be pickled.
 

@@ -109,6 +109,7 @@ def test_what_is_added_follows_the_finer_mesh_to_first_order(strain, learned):
     assert at_near.added.slopes is finer.added.slopes
     assert at_far.added.slopes is not finer.added.slopes
     assert not finer.added.serves(near.x, np.array([0, *moving]))
+    assert not finer.added.serves(np.where(np.arange(x.size) == 5, 0.0, x), np.array([10]))  # a zone that was dropped since
     alone = Twin(twin._finer_square, discrepancy=None)._problem(record(strain, 4))
     exact = alone.predict(np.vstack([x, moved]))[:, :, :STEPS]
     read = finer.predict(np.vstack([x, moved]))[:, :, :STEPS]

@@ -1,6 +1,7 @@
 """Equilibria by Newton's method against relaxation, and their derivatives against differences."""
 
 import pickle
+from concurrent.futures import ThreadPoolExecutor
 
 import casadi as ca
 import numpy as np
@@ -123,6 +124,14 @@ def test_states_of_a_second_record_start_from_those_of_the_first():
         assert not found.failed.any()
         counts.append(len(relaxed))
     assert counts[-1] == counts[0]
+
+
+def test_threads_may_share_what_finds_equilibria():
+    structure = shell("balloon")
+    shared, cases = made(structure), np.split(damages(structure, 40), 2)
+    with ThreadPoolExecutor(2) as pool:
+        found = list(pool.map(lambda each: shared.solve({"damage": each}).q, cases))
+    np.testing.assert_array_equal(found, [made(structure).solve({"damage": each}).q for each in cases])
 
 
 def test_a_membrane_that_its_load_tears_has_no_equilibrium():

@@ -87,6 +87,8 @@ def test_what_cannot_spin_is_refused():
         Load(name="spin", kind="centrifugal", groups=("hub",))
     with pytest.raises(DescriptionError, match="free to move about x as a rigid body"):
         at_its_centre(2, loads=(Load(name="spin", kind="centrifugal"),))
+    with pytest.raises(DescriptionError, match=r"free to move about [xyz] as a rigid body"):  # spin tips it out of its plane
+        at_its_centre(2, loads=(Load(name="spin", kind="centrifugal", start=RATE, direction=(1.0, 0.0, 0.0)),))
     with pytest.raises(DescriptionError, match="free to move along z as a rigid body"):
         at_its_centre(2, held="xy")
     with pytest.raises(DescriptionError, match="a frame that flies turns the membrane itself"):

@@ -43,8 +43,17 @@ def _held(support: Support, mesh: SurfaceMesh) -> NDArray[np.bool_]:
     return found.ravel()
 
 
+def _righted(direction: Vector, X: Vector) -> Vector:
+    """Return what hinders motions of a sheet that spins, shape (rows, 6): tilts, if it has most inertia about the axis."""
+    e, spread = direction / np.linalg.norm(direction), X.T @ X
+    across = np.linalg.svd(e[None])[2][1:]
+    rights = np.linalg.eigvalsh(across @ spread @ across.T)[0] > e @ spread @ e
+    tilts = np.cross(np.eye(3), e)[: 3 * int(rights)]
+    return np.hstack([np.zeros_like(tilts), tilts])
+
+
 def loose(setup: Setup, mesh: SurfaceMesh, free: NDArray[np.bool_]) -> Iterator[Mistake]:
-    """Find rigid motions of a sheet that no support hinders; a film that spins may tilt, which its own forces resist."""
+    """Find rigid motions of a sheet that nothing hinders, neither supports nor spin."""
     n = len(mesh.nodes)
     first = np.concatenate([np.repeat(block.elements[:, 0], block.elements.shape[1]) for block in mesh.blocks])
     every = np.concatenate([block.elements.ravel() for block in mesh.blocks])
@@ -53,8 +62,6 @@ def loose(setup: Setup, mesh: SurfaceMesh, free: NDArray[np.bool_]) -> Iterator[
     count, sheet = connected_components(coo_array((np.ones(len(first)), (first, every)), shape=(n, n)), directed=False)
     names = [f"along {axis}" for axis in "xyz"] + [f"about {axis}" for axis in "xyz"]
     held = ~free.reshape(-1, 3)
-    tilts = [np.cross(np.eye(3), load.direction) / np.linalg.norm(load.direction) for load in setup.spins if load.start]
-    righted = np.concatenate([np.zeros((0, 6)), *(np.hstack([np.zeros((3, 3)), tilt]) for tilt in tilts)])
     for k in range(count):
         X = mesh.nodes[sheet == k] - mesh.nodes[sheet == k].mean(axis=0)
         motions = [np.broadcast_to(axis, X.shape) for axis in np.eye(3)]
@@ -63,7 +70,8 @@ def loose(setup: Setup, mesh: SurfaceMesh, free: NDArray[np.bool_]) -> Iterator[
         _, sizes, moves = np.linalg.svd(rigid.reshape(-1, 6), full_matrices=False)
         is_motion = sizes > 1e-9 * sizes[0]  # a straight line has none about itself
         moves = np.eye(6) if np.sum(is_motion) == 6 else moves[is_motion].T
-        A = np.concatenate([rigid[held[sheet == k]], righted]) @ moves
+        righted = [_righted(np.array(load.direction), X) for load in setup.spins if load.start]
+        A = np.concatenate([rigid[held[sheet == k]], *righted]) @ moves
         strengths, modes = np.linalg.eigh(A.T @ A)
         modes = moves @ modes
         if strengths[0] < 1e-18 * len(X):

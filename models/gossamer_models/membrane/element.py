@@ -303,7 +303,7 @@ def derivative_matrix(nodes: Vector, points: Vector) -> Vector:
 
 
 def _ratios(nodes: Vector, points: Vector) -> Vector:
-    """Return the factors of the Lagrange polynomials: one for each node, shape (points, nodes), of its own 1."""
+    """Return the factors of the Lagrange polynomials, shape (nodes, points, nodes): 1 where the nodes are the same."""
     away = nodes - nodes[:, None]
     np.fill_diagonal(away, 1.0)
     found = (points[:, None] - nodes[:, None, None]) / away[:, None]

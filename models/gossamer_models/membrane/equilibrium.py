@@ -181,7 +181,8 @@ def with_nodal_loads(equations: MembraneEquations, f: ca.MX, at: ca.MX, u: Value
     Notes
     -----
     These are :math:`m \Omega^2 (1 - e e^T) (x - x_0)` on what moves, with e along the axis through x_0: they grow with the
-    distance from it, and soften what moves across it by as much.
+    distance from it, and soften what moves across it by as much. Coriolis forces, and those of a rate that changes, are
+    left out.
     """
     t = equations.arrays
     if "edge_force" in t:

@@ -8,6 +8,8 @@ from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from threading import Lock
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -99,8 +101,8 @@ class Equilibrium:
 
     Notes
     -----
-    The built-in pressure is left out and gas fills the volume of the equilibrium, as where the model starts. Not to be
-    shared by threads; it can be pickled.
+    The built-in pressure is left out and gas fills the volume of the equilibrium, as where the model starts. Threads that
+    share it wait for each other; it can be pickled.
 
     Examples
     --------
@@ -149,10 +151,18 @@ class Equilibrium:
         self._shape, self._n_q = (n_nodes, len(rows)), n
         self._kept: OrderedDict[bytes, Known | None] = OrderedDict()
         self._is_loaded_later = structure.starts_in_plane
+        self._solving = Lock()  # it keeps what it has found
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "_solving"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state, _solving=Lock())
 
     def __call__(self, u: Matrix, p: Matrix) -> Matrix:
         """Return the displacements of equilibrium [m], shape (m, 3 M), for inputs and parameters in the model's order."""
-        return np.array([self._find(*row) for row in zip(u, p, strict=True)]).reshape(len(u), -1)
+        with self._solving:
+            return np.array([self._find(*row) for row in zip(u, p, strict=True)]).reshape(len(u), -1)
 
     def solve(self, given: Mapping[str, ArrayLike]) -> Equilibria:
         """Find equilibria.
@@ -173,7 +183,8 @@ class Equilibrium:
         p, u = values[:, :n_p], values[:, n_p:]
         q = self(u, p)
         rows = list(zip(u, p, q, strict=True))
-        seen = np.array([self._seen(*row)[0] for row in rows])
+        with self._solving:
+            seen = np.array([self._seen(*row)[0] for row in rows])
         displacement, strain = self._split(seen)
         x = np.array([column(self.begin(*row)[0]) for row in rows])
         x[np.isnan(q).any(axis=1)] = np.nan
@@ -206,9 +217,11 @@ class Equilibrium:
         changes = np.full((len(found.q), len(places), 3 * self._shape[0] + self._shape[1]), np.nan)
         for case in np.flatnonzero(~found.failed):
             at = found.u[case], found.p[case], found.q[case]
+            with self._solving:
+                K = self.newton.stiffened(*at)
             pushed = np.asarray(self._pushed(*(np.tile(a[:, None], len(places)) for a in at), du, dp))
             dq = np.zeros((found.q.shape[1], len(places)))
-            dq[self.free] = factored(self.newton.stiffened(*at)).solve(np.ascontiguousarray(pushed[self.free]))
+            dq[self.free] = factored(K).solve(np.ascontiguousarray(pushed[self.free]))
             at_all = (np.tile(a[:, None], len(places)) for a in at)
             changes[case] = np.asarray(self._changed(*at_all, du, dp, dq)).T
         displacement, strain = self._split(changes)
@@ -216,7 +229,8 @@ class Equilibrium:
 
     def tangent(self, found: Equilibria, case: int) -> scipy.sparse.csc_matrix:
         """Return K [N/m] of a case for the displacements ``free``, sparse, shape (free, free)."""
-        return self.newton.tangent(found.u[case], found.p[case], found.q[case])
+        with self._solving:
+            return self.newton.tangent(found.u[case], found.p[case], found.q[case])
 
     def _split(self, seen: Cube) -> tuple[Cube, Cube]:
         n_nodes, _ = self._shape

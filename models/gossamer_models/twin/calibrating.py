@@ -158,7 +158,8 @@ def calibrate(
             settled = bool(moved @ found.model.A @ moved < SETTLED)
             if settled:
                 break
-        unsettled = [f"the numbers still move after {ROUNDS} rounds with finer elements. Refine the mesh"] * (not settled)
+        said = f"the numbers still move after {ROUNDS} rounds with finer elements. Refine the mesh"
+        unsettled = [] if settled else [said]
         coarse = [k for k, problem in enumerate(joint.problems, 1) if problem.added is None] if mesh_error else []
         text = "no finer elements were simulated for record {}: what they would change is not known, or nothing"
         done = _told(joint, found, before, twin, [text.format(k) for k in coarse])

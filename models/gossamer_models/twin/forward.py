@@ -11,7 +11,7 @@ from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
-from threading import Event, Lock, local
+from threading import Event, local
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -164,7 +164,7 @@ class MembraneForward:
         self.parameters, self.inputs = (
             {name: given.get(name, value) for name, value in starts[c].items()} for c in ("parameter", "input")
         )
-        self._given, self._batches, self._solving = given, dict[tuple[str, ...], Batch](), Lock()
+        self._given, self._batches = given, dict[tuple[str, ...], Batch]()
         assert self._model.at_rest is not None
         self._phase = 2 * self._model.at_rest.begin.size1_in(2)  # after displacements and velocities, see ``MembraneState``
         self._acts_on = [self._acted_on(fault) for fault in self.faults]
@@ -245,8 +245,7 @@ class MembraneForward:
         found = self._at_rest(of_zones, given, acting)
         n_zones = self.structure.n_zones
         moved = list(dict.fromkeys(name for _, names in self._acts_on for name in names))
-        with self._solving:
-            derivatives = self._equilibrium.derivatives(found, ["damage", *moved])
+        derivatives = self._equilibrium.derivatives(found, ["damage", *moved])
         slopes = np.moveaxis(derivatives.strain, 0, 2)
         by_damage, by_name = slopes[:n_zones], dict(zip(moved, slopes[n_zones:], strict=True))
         strain = found.strain.T
@@ -308,8 +307,7 @@ class MembraneForward:
         m, k = len(damage), max(np.shape(values)[-1] for values in histories.values())
         start: dict[str, ArrayLike] = {name: np.repeat(values, k) for name, values in parameters.items()}
         start |= {name: np.broadcast_to(values, (m, k)).ravel() for name, values in histories.items()}
-        with self._solving:  # it keeps what it has found
-            return self._equilibrium.solve({**self._given, **start, "damage": np.repeat(damage, k, axis=0)})
+        return self._equilibrium.solve({**self._given, **start, "damage": np.repeat(damage, k, axis=0)})
 
 
 def _sign(fault: Fault) -> float:

@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from threading import Lock
 from typing import Any, cast
 
 import numpy as np
@@ -140,7 +141,7 @@ def inspect(
     repaired : sequence of str
         Names of zones that were repaired since: they begin without damage.
     report : callable
-        As of ``Twin.fit``.
+        As of ``Twin.fit``, for each record by itself; by one thread at a time.
 
     Returns
     -------
@@ -164,8 +165,14 @@ def inspect(
         return twin.fit(records[0], report)
     earlier = Earlier.of(since) if isinstance(since, Answer) else since
     before = None if earlier is None else earlier.before(twin.names, repaired, len(twin.faults))
+    telling = Lock()
+
+    def told(length: float, simulations: int) -> None:
+        with telling:
+            report(length, simulations)
+
     with threadpool_limits(1):
-        alone = side_by_side(lambda record: twin.alone(record, report, corrects=False), records)
+        alone = side_by_side(lambda record: twin.alone(record, told, corrects=False), records)
         fit = _together(twin, alone, before)
         unresolved = untold_zones(fit)
         if before is None:
@@ -196,12 +203,14 @@ def _together(twin: Twin, alone: Sequence[Alone], before: Before | None) -> Fit:
         try:
             joint = joint.corrected(fit.point.x, moving, needed, finer, noise)
         except ConvergenceError:
+            fit = fit if fit.problem is not whole else again(fit, cast(RecordProblem, joint.under(noise)), sparse=sparse)
             break
         last, fit = fit, again(fit, cast(RecordProblem, joint), sparse=sparse, rivals=False)
         if fit is last:  # it failed
             break
         noise = [noise_left(problem, joint.point(k, fit.point.x)) for k, problem in enumerate(joint.problems)]
-        same = all(np.nanmin(new / problem.noise) >= SAME_NOISE for new, problem in zip(noise, joint.problems, strict=True))
+        changes = zip(noise, joint.problems, finer, strict=True)
+        same = all(np.nanmin(new / problem.noise) >= SAME_NOISE for new, problem, mesh in changes if mesh is not None)
         move = np.abs(fit.point.x - last.point.x)[: joint.zones]
         if same and moved(last, fit) < SETTLED:
             move = np.zeros(joint.zones)

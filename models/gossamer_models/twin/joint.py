@@ -183,6 +183,11 @@ class JointProblem(LeastSquares):
         found = [places(problem, self.rows(k, x[None])[0]) for k, problem in enumerate(self.problems)]
         return JointProblem(found, self.shared, self.groups, self.before)
 
+    def under(self, noise: Sequence[Vector]) -> JointProblem:
+        """Return the same under other noise of each record, in its unit."""
+        found = [problem.under(own) for problem, own in zip(self.problems, noise, strict=True)]
+        return JointProblem(found, self.shared, self.groups, self.before)
+
     def corrected(
         self,
         x: Vector,
@@ -204,7 +209,7 @@ class JointProblem(LeastSquares):
         finer : sequence of tuple or None
             The finer mesh of each record, and components of the error that is left there; None if it has none.
         noise : sequence of ndarray, shape (s,), or None
-            That of each record, in its unit; None for the same.
+            That of each record with a finer mesh, in its unit; None for the same. Other records keep theirs.
 
         Raises
         ------

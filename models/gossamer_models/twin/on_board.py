@@ -28,11 +28,11 @@ from .watch import SURE
 LAGS = (1, 2, 4, 8)  # windows since the onsets that are tried
 FADING = 0.98  # of what windows before these say of the nuisances, from window to window
 SCALING = 10  # windows whose means are the scale of the scores
-LEARNING = SCALING + 1  # windows before the first alarm
+LEARNING = SCALING + 1  # first window that may raise an alarm
 ON_TIME = 0.01  # of a step: how far from one a step may be
 APART = 4  # samples between the shifts of the load that are tried
 FOLLOWS = 0.1  # of the shift that a window says
-DRIFTS = FOLLOWS**2 / 4.0  # of it, for its rate: both are found without overshoot
+DRIFTS = FOLLOWS**2 / 4.0  # of it, for its rate: a jump of the phase is overshot by 14 %
 FASTEST = 1e-3  # rate of the shift [1]
 SLIPS = 0.55  # shift by which the next column is nearer, with some play
 
@@ -165,7 +165,7 @@ class StoredWindows:
         return ca.reshape(ca.MX(self._late)[:, _within(kind, self.m)], self.q + self.z, self.q)
 
     def shift(self, turn: ca.MX, mean: ca.MX, kind: ca.MX) -> ca.MX:
-        """Return by how many samples the load is later than it was thought, by a sum of d r; exact over a whole period."""
+        """Return how much later in its period samples were than was thought, by a sum of d r; exact over a whole period."""
         known = ca.dot(ca.MX(self._along)[:, _within(kind, self.m)], mean)
         return (turn - known) / max(float(self.motions.mean()), NEGLIGIBLE)
 
@@ -313,9 +313,9 @@ def watch_model(stored: StoredResponses, noise: ArrayLike, false_alarms: float =
     misfit where that is larger, at least by 1; these windows give no alarm.
 
     Nor does a shift of the load in a window count: what it says of the phase goes into a loop of second order, with a
-    double pole at 1 - 1/20 a window, which has no lag where the clock drifts steadily. The phase is sought among shifts of
+    poles at 0.94 and 0.96 a window, which has no lag where the clock drifts steadily. The phase is sought among shifts of
     four samples, by the products of the samples of a period with the healthy strain. Strain between two columns comes from
-    three derivatives. Where the loop reaches the next column, the window is not counted.
+    three derivatives. Where the loop reaches another column, the next window may be lost.
 
     What windows before the last eight say of the nuisances fades, from window to window, as if their noise grew: where
     nothing changes a statistic is then no larger than chi2 of one degree of freedom. So false alarms are at most the share
@@ -390,7 +390,12 @@ def watch_model(stored: StoredResponses, noise: ArrayLike, false_alarms: float =
                 for i in range(1, sensors + 1)
             ),
             input_(
-                "acquire", "1", "1 if the phase of the load is not known any more, as after restore; else 0", 0.0, 0.0, 1.0
+                "acquire",
+                "1",
+                "1 if the phase of the load is not known any more, as after a gap or restore; else 0",
+                0.0,
+                0.0,
+                1.0,
             ),
             fraction("alarm", description="1 after an alarm, until init; else 0"),
             *(

@@ -69,6 +69,7 @@ MOST_STEPS = 5000  # internal steps that are compared, unless the record is said
 SUSPECT = 0.5  # deviations of chi2 above the expected one from which on wirings are compared, and by which one is better
 Progress: TypeAlias = Callable[[float, int], None]  # length of the record [s], and simulations that were made
 ESTIMATES = 4  # of noise from what a fit leaves
+KEPT = 16  # records whose places of sensors are known
 HIDES = 0.5  # of the noise: where the error of the mesh is larger, a finer one is simulated at the fit
 COLOURED = 100.0  # chi2 per sample up to which noise may be coloured: what is slow leaves so much of what is fast
 LOUD = 10.0  # chi2 per sample of a search with louder noise, up to which that may be the noise
@@ -203,7 +204,7 @@ class Twin:
             self.discrepancy = None
         self._behind: Discrepancy | None = None
         self._learning = Lock()  # records are searched side by side
-        self._slopes: tuple[ResponseRecord | None, Matrix | None] = (None, None)
+        self._slopes: dict[int, tuple[ResponseRecord, Matrix | None]] = {}
         if healthy is not None and (mesh_error is None or self.discrepancy is not None):
             msg = (
                 "a healthy record does not tell what damage does on a finer mesh, so it is taken from others only where the "
@@ -284,7 +285,7 @@ class Twin:
     def alone(self, record: ResponseRecord, report: Progress = lambda *_: None, *, corrects: bool = True) -> Alone:
         """Find the damages of a record as ``fit`` does, each zone by itself, without a second look at what is found.
 
-        Where it does not correct, a finer mesh is simulated only if the record is not explained without.
+        Where it does not correct, a record that is explained without a finer mesh is left to that.
         """
         record, doubts = self._usable(record)
         fit, minima = self._searched(record, report, corrects=corrects)
@@ -478,12 +479,15 @@ class Twin:
         both = [fit, *from_priors(fit, sparse=self.sparse)]
         if not corrects and finer is not None and fit.passes:
             return fit, minima
-        ends = side_by_side(partial(self._finished, record=record, noise=noise, finer=finer), both)
+        finish = partial(self._finished, record=record, noise=noise, finer=finer, corrects=corrects)
+        ends = side_by_side(finish, both)
         best = min(ends, key=lambda end: (not end.passes, end.worth))
         near = [end for end in ends if end is not best and end.worth < best.worth + WIRED and elsewhere(end, best)]
         return best, [*minima, *near]
 
-    def _finished(self, fit: Fit, record: ResponseRecord, noise: Vector, finer: tuple[Forward, Matrix] | None) -> Fit:
+    def _finished(
+        self, fit: Fit, record: ResponseRecord, noise: Vector, finer: tuple[Forward, Matrix] | None, *, corrects: bool
+    ) -> Fit:
         """Go on from a search on a finer mesh, where that counts, and under the noise that is left where it is unknown."""
         ending = partial(corrected, sparse=self.sparse, simulated=self._mesh_error is None)
         if finer is not None:
@@ -493,7 +497,7 @@ class Twin:
             noise = noise_left(problem, fit.point)
             if not np.nanmin(noise / problem.noise) < SAME_NOISE:
                 break
-            if finer is None and problem.under(noise).mesh_over_noise > HIDES:
+            if finer is None and corrects and problem.under(noise).mesh_over_noise > HIDES:
                 finer = self._finer(record, problem.components)
             fit = self._weighed(record, noise, fit) if finer is None else ending(fit, *finer, noise)
         return fit
@@ -549,13 +553,14 @@ class Twin:
         """Make the problem of what is compared of a record, or of its first samples; wider: with all nuisances there are."""
         compared = record.first(self._compared(record))
         nuisances = self._nuisances(self._kinds(compared, wider=wider), compared)
-        slopes = self._slopes
-        if slopes[0] is not record:  # those of all its problems
-            slopes = self._slopes = (record, self._slopes_at(compared, nuisances))
+        known = self._slopes.get(id(record))
+        if known is None or known[0] is not record:  # those of all its problems
+            known = record, self._slopes_at(compared, nuisances)
+            self._slopes = dict([*self._slopes.items(), (id(record), known)][-KEPT:])
         return RecordProblem(
             self._sensed,
             compared if samples is None else compared.first(samples),
-            replace(nuisances, slopes=slopes[1]),
+            replace(nuisances, slopes=known[1]),
             record.noise_deviation() if noise is None else noise,
             self._discrepancy_of(record, report),
             groups,

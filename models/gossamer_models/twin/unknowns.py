@@ -144,7 +144,7 @@ class Added:
 
     def serves(self, x: Vector, needed: NDArray[np.int64]) -> bool:
         """Tell whether the derivatives serve at other unknowns too: they are by all that is needed, and were taken near."""
-        away, of_damage = np.abs(x - self.sloped)[needed], needed < self.zones
+        away, of_damage = np.abs(x - self.sloped)[self.moving], self.moving < self.zones
         near = np.all(away <= np.where(of_damage, NEAR, NEAR_OF_PRIOR))
         return bool(near and np.isin(needed, self.moving).all())
 
