@@ -11,7 +11,8 @@ the frame; ``h`` step [s]::
 which is v' = A - c v with A = f/m - a - w' x r - w x (w x r) - 2 w x v. Where inertia along the surface is scaled by k, all
 but 1/k of what A has along it is taken from the nodes and given to the frame. So momentum is kept, and what is at rest in
 the frame rests alike. Gravity pulls at frame and membrane alike. Held nodes
-belong to the frame: their mass is reported, to be added to the mass of what carries the frame.
+belong to the frame: their mass is reported, to be added to the mass of what carries the frame. Those that are held in some
+directions only move, and the frame takes what holds them.
 """
 
 from __future__ import annotations
@@ -95,6 +96,7 @@ class FrameState:
     elapsed: ca.MX
 
 
+HOLDS = 3  # iterations of what holds a node in some directions
 RESTARTED = 7  # states at the end of FrameState that are zero when a communication step begins
 
 
@@ -223,6 +225,32 @@ def held_back(N: Columns, A: Columns) -> Columns:
     square = sum(x**2 for x in N)
     across = sum(x * y for x, y in zip(N, A, strict=True))
     return [square * y - x * across for x, y in zip(N, A, strict=True)]
+
+
+def held_to(half: ca.MX, h: ca.MX, r: Columns, s: Columns, held: Columns, rest: Columns) -> Columns:
+    """Return what to take from the velocities after a kick [m/s], so that nodes end the step where they are held.
+
+    Parameters
+    ----------
+    half, h : casadi.MX
+        Those of ``FrameStep``.
+    r, s : list of casadi.MX, shape (N,)
+        Positions and velocities after the kick.
+    held : list of casadi.MX, shape (N,)
+        1 for directions of the frame's axes in which a node is held, else 0.
+    rest : list of casadi.MX, shape (N,)
+        Where it is held, from the frame's origin [m].
+
+    Notes
+    -----
+    The impulses of constraints on positions at the end of a step, as in the method SHAKE; along axes that turn by next to
+    nothing in half a step, so that three iterations are exact to round-off, and what is left does not grow.
+    """
+    taken, per_way = [0.0 * x for x in s], 2.0 / ca.if_else(h > 0.0, h, 1.0)
+    for _ in range(HOLDS):
+        end, _ = drift(half, h, r, [x - y for x, y in zip(s, taken, strict=True)])
+        taken = [t + k * per_way * (x - x0) for t, k, x, x0 in zip(taken, held, end, rest, strict=True)]
+    return taken
 
 
 def turned(E: ca.MX, r: Columns) -> Columns:

@@ -126,7 +126,7 @@ def membrane_model(
     Raises
     ------
     DescriptionError
-        A membrane on a frame with nodes that are held in some directions only.
+        A membrane on a frame has supports that are springs, or a centrifugal load.
 
     Notes
     -----
@@ -282,10 +282,6 @@ def _advice(setup: Setup, frame: bool) -> str:
 
 
 def _cannot_ride(structure: Structure) -> Iterator[Mistake]:
-    held = ~structure.free.reshape(-1, 3)
-    if np.any(held.any(axis=1) != held.all(axis=1)):
-        text = 'on a frame that flies a node is held in all directions or in none. Write fixed = "xyz" for each support.'
-        yield Mistake(("supports",), text)
     if structure.setup.springs:
         text = "on a frame that flies supports are rigid. Leave out 'stiffness'."
         yield Mistake(("supports", structure.setup.springs[0], "stiffness"), text)
