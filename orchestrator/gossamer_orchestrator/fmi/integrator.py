@@ -121,12 +121,12 @@ class Integrator(CVodeSolver):  # type: ignore[misc]
         ArithmeticError
             The integrator cannot go on.
         """
+        if anew:
+            self.reset(now)
         nearest = 4.0 * sys.float_info.epsilon * max(abs(now), abs(target))
         if target - now <= nearest or (self.discrete and not self.nz):
             self.set_time(max(now, target))
             return max(now, target), False
-        if anew:
-            self.reset(now)
         _set_stop_time(self.cvode_mem, target)
         reached = ctypes.c_double(now)
         flag = CVode(self.cvode_mem, target, self.x, ctypes.byref(reached), _ONE_STEP)

@@ -14,11 +14,12 @@ import csv
 import json
 import logging
 import shutil
+import weakref
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from gossamer_files import replacing
@@ -222,9 +223,11 @@ def _load_netcdf(path: Path, *, on_disk: bool) -> xr.Dataset:
             return self._mapped(key) if found is None else found
 
         def _mapped(self, key: tuple[Any, ...]) -> NDArray[Any]:
+            alone = [not isinstance(k, slice | range | np.ndarray) for k in key]
             key = tuple(slice(k.start, k.stop, k.step) if isinstance(k, range) else k for k in key)
+            key = tuple(slice(k, k + 1) if one else k for k, one in zip(key, alone, strict=True))  # else axes change places
             view: NDArray[Any] = np.ndarray(buffer=np.memmap(self._opened.file, mode="r"), **self._form)
-            return np.asarray(view[key], dtype=self.dtype)
+            return np.asarray(view[key], dtype=self.dtype)[tuple(0 if one else slice(None) for one in alone)]
 
         def __getitem__(self, key: Any) -> Any:  # noqa: ANN401
             return explicit_indexing_adapter(key, self.shape, IndexingSupport.OUTER_1VECTOR, self.read)
@@ -273,9 +276,11 @@ class _Opened:
 
     def __init__(self, path: Path) -> None:
         self.file = path.open("rb")
+        weakref.finalize(self, self.file.close)
 
-    def __del__(self) -> None:
-        self.file.close()
+    def __deepcopy__(self, _: object) -> Self:
+        """Return it: only read, the copies of its variables share it."""
+        return self
 
 
 def _load_csv(path: Path) -> xr.Dataset:

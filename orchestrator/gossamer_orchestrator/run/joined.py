@@ -52,6 +52,7 @@ class JoinedGroup(IteratedGroup):
         wanted = schema.Group(components=names, tolerance=TOLERANCE, sweeps=SWEEPS)
         super().__init__(wanted, members, store, over, strict=False)
         self.diverged = ""
+        self._declared[:] = False  # a nominal value is the first peak only: the tolerance is relative
         self._position = position
         self._instances = [cast("ModelExchange", member.instance) for member in members]
         self._integration = Integration(self._instances, self._exchange, self._handle_events)

@@ -19,17 +19,17 @@ def _all_that_is_said(caplog):
     caplog.set_level(logging.WARNING)
 
 
-def springs(fmi=(2, 2), step=0.01, stop=20.0, *, D=0.0, wires=BOTH, keys="", own="", top="", more=""):
-    """Two masses on springs, of which the first is drawn to 1.
+def springs(fmi=(2, 2), step=0.01, stop=20.0, *, D=0.0, L=1.0, wires=BOTH, keys="", own="", top="", more=""):
+    """Two masses on springs, of which the first is drawn to ``L``.
 
     ``keys`` stand in every connection, ``own`` in the first component, ``top`` and ``more`` at both ends of the scenario.
     """
     fed = {wire.split(" -> ")[1] for wire in wires}
     text = f"{top}\nstep = {step}\nstop = {stop}\n"
-    for name, version, L in (("a", fmi[0], 1.0), ("b", fmi[1], 0.0)):
+    for name, version, place in (("a", fmi[0], L), ("b", fmi[1], 0.0)):
         free = ", ".join(f"{v} = 0" for v in ("u", "stiff") if f"{name}.{v}" not in fed)
         text += f'[components.{name}]\nfmu = "Spring{version}"\n{own if name == "a" else ""}\ninputs = {{ {free} }}\n'
-        text += f"parameters = {{ k = {K}, c = {C}, D = {D}, L = {L} }}\n"
+        text += f"parameters = {{ k = {K}, c = {C}, D = {D}, L = {place} }}\n"
     for wire in wires:
         sender, receiver = wire.split(" -> ")
         text += f'[[connections]]\nfrom = "{sender}"\nto = "{receiver}"\n{keys}\n'
@@ -148,6 +148,13 @@ def test_where_they_are_integrated_one_by_one_a_warning_says_why(exchange_fmus, 
     said = [record.getMessage() for record in caplog.records if "for model exchange" in record.getMessage()]
     assert len(said) == 1
     assert f"a, b are for model exchange and connected, but {why}: each is integrated by itself" in said[0]
+
+
+def test_a_loop_of_large_values_is_solved_relative_to_them_though_its_nominal_values_are_1(exchange_fmus):
+    """The system is linear: the places are 10^7 times those of a place of 1."""
+    own, large = springs(D=3.0, stop=0.3), springs(D=3.0, stop=0.3, L=1e7)
+    data = run_scenario(large, exchange_fmus)
+    assert data["a.y"].values == pytest.approx(1e7 * run_scenario(own, exchange_fmus)["a.y"].values, abs=1e3)
 
 
 def test_a_loop_without_a_solution_leaves_them_one_by_one(exchange_fmus, caplog):
