@@ -14,6 +14,7 @@ from fmpy.sundials.libraries import sundials_core
 from fmpy.sundials.sundials_context import SUNContext_PushErrHandler
 from fmpy.sundials.sundials_types import SUNContext
 
+from ..errors import SimulationError
 from .slave import DISCARD
 
 _set_stop_time = sundials_cvode["CVodeSetStopTime"]
@@ -48,7 +49,7 @@ class Integrator(CVodeSolver):  # type: ignore[misc]
     Parameters
     ----------
     system : System
-        They, in continuous-time mode.
+        FMUs in continuous-time mode.
     descriptions : sequence of fmpy.model_description.ModelDescription
         Of each, as read by FMPy.
     time : float
@@ -118,6 +119,8 @@ class Integrator(CVodeSolver):  # type: ignore[misc]
         ------
         fmpy.fmi1.FMICallException
             A function of the FMU failed.
+        SimulationError
+            An exchange failed.
         ArithmeticError
             The integrator cannot go on.
         """
@@ -155,6 +158,8 @@ class Integrator(CVodeSolver):  # type: ignore[misc]
             function(*arguments)
         except BaseException as failure:
             self._failure = failure
-            return _AGAIN if isinstance(failure, FMICallException) and failure.status == DISCARD else _FATAL
+            discarded = isinstance(failure, SimulationError) and failure.discarded  # by an exchange
+            discarded |= isinstance(failure, FMICallException) and failure.status == DISCARD
+            return _AGAIN if discarded else _FATAL
         self._failure = None
         return 0

@@ -46,6 +46,13 @@ def test_results_are_whole_whatever_happens_to_its_streams(folder, how):
     assert sorted(path.name for path in folder.iterdir()) == ["fmus", "it.toml", "out"]
 
 
+def test_a_program_that_the_command_starts_has_streams_where_its_own_are_closed():
+    """It inherits the numbers, and opens no file under them."""
+    code = "import os, gossamer.__main__ as m; m.open_streams(); os._exit(sum(os.get_inheritable(n) for n in range(3)))"
+    done = subprocess.run(["bash", "-c", f"{sys.executable} -c '{code}' <&- >&- 2>&-"], check=False)
+    assert done.returncode == 3
+
+
 def test_a_terminal_that_is_closed_ends_the_command_and_leaves_what_there_is(folder):
     """Its process is sent SIGHUP, and what it then writes to the terminal fails."""
     (folder / "it.toml").write_text(SCENARIO.replace("stop = 1.0", "stop = 100000.0"))
