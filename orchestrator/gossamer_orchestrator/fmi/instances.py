@@ -4,8 +4,8 @@ FMI 3.0: arrays are exchanged as a whole. An FMU that has event mode is run with
 handled, then the rest of the step is done.
 
 Model exchange: CVode of SUNDIALS integrates from one communication point to the next. Every input that changes is an event,
-unless the FMU is joined with what feeds it. CVode starts anew after every event and where a step is taken back, so a step that is
-repeated twice gives the same bits.
+unless the FMU is joined with what feeds it. CVode starts anew after every event and where a step is taken back, so a step
+that is repeated twice gives the same bits.
 """
 
 from __future__ import annotations

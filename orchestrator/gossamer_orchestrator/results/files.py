@@ -47,7 +47,11 @@ MAKE_SOME = "Make them with 'gossamer run'."
 MOST_NAMED = 3  # folders
 _CSV_BYTES = 20  # a value, at most
 _LOADED = 20_000_000  # [byte] results above stay on the disk until they are used
-_CELLS = 150_000  # values that are in memory at a time
+_CELLS, _CELLS_IF_WIDE = (
+    150_000,
+    500_000,
+)  # values that are in memory at a time: a slice of a variable costs more than a value
+_WIDE = 1000  # columns
 _NEAR = 4_000_000  # [byte] of a file that are mapped at a time
 
 
@@ -84,7 +88,7 @@ def _write_csv(data: xr.Dataset, path: Path) -> None:
         for place in np.ndindex(*variable.shape[1:]):
             indices = ",".join(str(labels[axis][i]) for axis, i in enumerate(place))
             names.append(f"{base}[{indices}] [{unit}]" if indices else f"{base} [{unit}]")
-    rows = max(1, _CELLS // len(names))
+    rows = max(1, (_CELLS_IF_WIDE if len(names) > _WIDE else _CELLS) // len(names))
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(names)
