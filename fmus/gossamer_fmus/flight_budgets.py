@@ -11,6 +11,7 @@ import shutil
 import signal
 import subprocess
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -130,7 +131,8 @@ def run_tool(command: Iterable[str], folder: Path, patience: float = PATIENCE) -
         try:
             out, errors = running.communicate(timeout=patience)
         except BaseException as error:
-            os.killpg(running.pid, signal.SIGKILL)
+            with suppress(ProcessLookupError):  # it has just ended
+                os.killpg(running.pid, signal.SIGKILL)
             if not isinstance(error, subprocess.TimeoutExpired):
                 raise
             msg = f"{' '.join(words)} did not end within {patience:g} s. The board may have stopped."

@@ -49,10 +49,13 @@ def keep(*paths: AnyPath) -> None:
 def is_pipe(path: AnyPath) -> bool:
     """Tell whether a path is a pipe with a name, which waits for whoever writes into it, maybe for ever.
 
-    Those that a shell makes are below ``/dev``.
+    Those that a shell makes are below ``/dev``. What cannot be looked at is none.
     """
     path = Path(path)
-    return not path.is_relative_to("/dev") and path.is_fifo()
+    try:
+        return not path.is_relative_to("/dev") and path.is_fifo()
+    except OSError:
+        return False
 
 
 def _number(path: Path) -> tuple[int, int] | None:

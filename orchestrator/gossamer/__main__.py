@@ -64,7 +64,7 @@ def open_streams() -> None:
         with suppress(OSError):
             os.fstat(number)
             continue
-        os.open(os.devnull, os.O_RDWR)  # it gets the least number that is free
+        os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # it gets the least number that is free
     streams: list[TextIO | None] = [sys.stdin, sys.stdout, sys.stderr]
     if streams[0] is None:
         sys.stdin = os.fdopen(0, encoding="utf-8")

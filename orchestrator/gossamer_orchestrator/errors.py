@@ -43,13 +43,16 @@ class SimulationError(OrchestratorError, RuntimeError):
         Start of the step it refused [s].
     fatal : bool
         True if the FMU must not be called any more.
+    discarded : bool
+        True if the FMU discarded a call: a smaller step may help.
     """
 
-    def __init__(self, message: str, *, component: str, time: float, fatal: bool = False) -> None:
+    def __init__(self, message: str, *, component: str, time: float, fatal: bool = False, discarded: bool = False) -> None:
         super().__init__(message)
         self.component = component
         self.time = time
         self.fatal = fatal
+        self.discarded = discarded
 
 
 class ResultsError(OrchestratorError, ValueError):

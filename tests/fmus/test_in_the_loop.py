@@ -144,24 +144,35 @@ import struct, sys
 size, results = int(sys.argv[1]), int(sys.argv[2])
 while len(request := sys.stdin.buffer.read(size)) == size:
     (magic,), (number,) = struct.unpack_from("<I", request), struct.unpack_from("<I", request, size - 8)
-    health = int(sys.argv[3]) if number == 2 else 0
+    health = int(sys.argv[3]) if number == int(sys.argv[4]) else 0
     sys.stdout.buffer.write(struct.pack("<4I", magic, number, health, 0) + bytes(8 * results))
     sys.stdout.buffer.flush()
 """
 
 
-@pytest.mark.parametrize(("health", "words"), [("LOST", "its state is lost"), ("FAILED", "its step failed")])
-def test_a_component_that_has_no_state_or_no_results_stops_the_run(begin, tmp_path, health, words):
+@pytest.mark.parametrize(
+    ("health", "sample", "words"),
+    [
+        ("LOST", 0, "refused its parameters or first sample (health 0x"),
+        ("LOST", 2, "says that its state is lost"),
+        ("FAILED", 2, "says that its step failed"),
+    ],
+)
+def test_a_component_that_has_no_state_or_no_results_stops_the_run(begin, tmp_path, health, sample, words):
     model = make_model("compensator")
     parameters, inputs, results = (part.stop - part.start for part in model.slices())
     (tmp_path / "board.py").write_text(BOARD)
     bit = 1 << [name for name, _ in HEALTH].index(health)
-    numbers = (16 + 8 * (parameters + inputs) + 8, results, bit)
+    numbers = (16 + 8 * (parameters + inputs) + 8, results, bit, sample)
     fmu = begin("10", sys.executable, str(tmp_path / "board.py"), *map(str, numbers))
-    fmu.initialize()
-    assert fmu.step(PERIOD) == 0
-    assert fmu.step(PERIOD) == 2
-    assert f"says that {words}" in fmu.messages[-1]
+    if sample == 0:
+        with pytest.raises(Exception, match="fmi2ExitInitializationMode"):
+            fmu.initialize()
+    else:
+        fmu.initialize()
+        assert fmu.step(PERIOD) == 0
+        assert fmu.step(PERIOD) == 2
+    assert words in fmu.messages[-1]
 
 
 def test_the_period_is_that_of_the_first_step(begin):

@@ -172,6 +172,11 @@ static int processor_ask(Processor *p, double *results) {
     processor_stop(p, 0.0);
     return snprintf(p->why, sizeof p->why, "the processor of model '%s' sent what is no answer and was ended", MODEL_NAME);
   }
+  if (p->request.begins && (answer.health & COMPONENT_LOST)) {
+    return snprintf(p->why, sizeof p->why,
+                    "the component of model '%s' refused its parameters or first sample (health 0x%x). Correct them.", MODEL_NAME,
+                    (unsigned)answer.health);
+  }
   if (answer.health & (COMPONENT_LOST | COMPONENT_FAILED)) { /* no results, or those of the step before */
     return snprintf(p->why, sizeof p->why, "the component of model '%s' says %s (health 0x%x) of sample %u. Reset the model.", MODEL_NAME,
                     answer.health & COMPONENT_LOST ? "that its state is lost" : "that its step failed", (unsigned)answer.health,

@@ -102,6 +102,11 @@ class Instance:
         """Start of the last step [s]."""
         return self._time.value
 
+    @property
+    def _present(self) -> float:
+        """Time of an error [s]: what is integrated has come further than the start of the step."""
+        return self._reached if self.fmu.model_exchange else self.time
+
     def port(self, names: Sequence[str], kind: str = "Real", values: NDArray[np.float64] | None = None) -> Port:
         """Prepare the exchange of some variables of one type; ``values`` is a buffer for Reals."""
         values = np.zeros(len(names)) if values is None else values
@@ -180,7 +185,7 @@ class Instance:
             if not again:
                 break
         else:
-            self._fail(f"still has events after {MAX_UPDATES} updates at t = {self.time:.9g} s")
+            self._fail(f"still has events after {MAX_UPDATES} updates at t = {self._present:.9g} s", time=self._present)
         self._next_event = float(event) if defined else math.inf
         return False
 
@@ -323,11 +328,12 @@ class Instance:
         if status in (ERROR, FATAL):
             self._initialized = False  # fmi2Terminate is not allowed any more
         label = _LABELS[status] if 0 <= status < len(_LABELS) else str(status)
-        self._fail(f"{what} at t = {self.time:.9g} s ({label})", "", fatal=status == FATAL)
+        where = f"at t = {self._present:.9g} s ({label})"
+        self._fail(f"{what} {where}", "", self._present, fatal=status == FATAL, discarded=status == DISCARD)
 
     def _fail(
-        self, what: str, advice: str = " Check it with 'gossamer verify'.", time: float | None = None, *, fatal: bool = False
+        self, what: str, advice: str = " Check it with 'gossamer verify'.", time: float | None = None, **kind: bool
     ) -> NoReturn:
         """Raise an error that names the component and ends in its log and advice; ``time`` [s] is that of the step."""
         msg = f"component {self.name!r} {what}.{self.log.tail()}{advice}"
-        raise SimulationError(msg, component=self.name, time=self.time if time is None else time, fatal=fatal)
+        raise SimulationError(msg, component=self.name, time=self.time if time is None else time, **kind)

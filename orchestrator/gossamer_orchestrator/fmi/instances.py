@@ -3,8 +3,9 @@
 FMI 3.0: arrays are exchanged as a whole. An FMU that has event mode is run with it, and may return early: its events are
 handled, then the rest of the step is done.
 
-Model exchange: CVode of SUNDIALS integrates from one communication point to the next. Every input that changes is an event.
-CVode starts anew after every event and where a step is taken back, so a step that is repeated twice gives the same bits.
+Model exchange: CVode of SUNDIALS integrates from one communication point to the next. Every input that changes is an event,
+unless the FMU is joined with what feeds it. CVode starts anew after every event and where a step is taken back, so a step
+that is repeated twice gives the same bits.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from fmpy.fmi1 import FMICallException
 
-from ..errors import FmuError
+from ..errors import FmuError, SimulationError
 from .file import FmuFile
 from .instance import Instance
 from .slave import DISCARD, WARNING
@@ -164,7 +165,7 @@ class ModelExchange(Instance):
         self._leave_events()
 
     def write(self, port: Port) -> None:
-        """Set inputs that may change continuously, which is an event if one of them has changed and nothing is joined."""
+        """Set inputs that may change continuously, which is an event if one of them has changed and it is not joined."""
         if self.joined:
             self._write(port)
         else:
@@ -222,7 +223,9 @@ class Integration:
     exchange : callable
         Brings their inputs to what they send each other.
     handle_events : callable, optional
-        Handles the present events of all; True, and it is noted, if one ends the simulation. Only one needs none.
+        Handles the present events of all; True, and it is noted, if one ends the simulation. Needed for more than one.
+    note : callable, optional
+        Notes that an instance is about to be called, by its place among them.
 
     Attributes
     ----------
@@ -235,8 +238,9 @@ class Integration:
         parts: Sequence[ModelExchange],
         exchange: Callable[[], object] = lambda: None,
         handle_events: Callable[[], bool] | None = None,
+        note: Callable[[int], object] = lambda _: None,
     ) -> None:
-        self._parts, self.part, self.exchange = parts, parts[0], exchange
+        self._parts, self.part, self.exchange, self._note = parts, parts[0], exchange, note
         self._handle_events = handle_events or self.part.handle_events
         self._keep = not all(part.fmu.can_repeat for part in parts)  # else an earlier state may be restored
 
@@ -249,32 +253,38 @@ class Integration:
 
     def enter(self, part: int) -> Any:  # noqa: ANN401
         """Note that an instance is about to be called, and return FMPy's of it."""
+        self._note(part)
         self.part = self._parts[part]
         return self.part._slave
 
     def step(self, time: ctypes.c_double, size: ctypes.c_double) -> bool:
         """Integrate from ``time`` [s] over ``size`` [s], with the events on the way; see ``Instance.step``."""
-        parts, events = self._parts, 0
+        parts, events, busy = self._parts, 0, self._parts
         now, end = time.value, time.value + size.value
         for part in parts:
             part._time = time
         while True:
             if events == MAX_EVENTS:
-                what = f"has had {events} events between t = {time.value:.9g} and {now:.9g} s, and more to come"
-                self.part._fail(what, _SMALLER, now)
+                others = f"(or {', '.join(repr(part.name) for part in busy[1:])}) " * (len(busy) > 1)
+                what = f"{others}has had {events} events between t = {time.value:.9g} and {now:.9g} s, and more to come"
+                busy[0]._fail(what, _SMALLER, now)
             due = min(part._next_event for part in parts)
-            ended, asked = [], False
+            ended, asked = [], list[ModelExchange]()
             try:
                 now, root = self._integrator.advance(now, min(end, due), anew=any(part.anew for part in parts))
                 self.exchange()
                 for i, part in enumerate(parts):
                     event, over = self.enter(i).completedIntegratorStep(self._keep)
                     ended += [part] if over else []
-                    asked |= event
+                    asked += [part] if event else []
             except FMICallException as error:
                 if error.status == DISCARD:
                     return False
                 self.part._check(error.status, "failed")
+                raise
+            except SimulationError as error:
+                if error.discarded:
+                    return False
                 raise
             except ArithmeticError as error:
                 self.part._fail(f"cannot be integrated from t = {now:.9g} s: {error}", _SMALLER, now)
@@ -285,6 +295,7 @@ class Integration:
                 return all(at_end)
             if root or asked or now >= due:
                 events += 1
+                busy = [part for part in parts if part in asked or now >= part._next_event] or parts
                 if self._handle_events():
                     return self.part._is_at(now, end)
             if now >= end:

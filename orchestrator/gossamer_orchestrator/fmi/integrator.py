@@ -14,6 +14,7 @@ from fmpy.sundials.libraries import sundials_core
 from fmpy.sundials.sundials_context import SUNContext_PushErrHandler
 from fmpy.sundials.sundials_types import SUNContext
 
+from ..errors import SimulationError
 from .slave import DISCARD
 
 _set_stop_time = sundials_cvode["CVodeSetStopTime"]
@@ -48,7 +49,7 @@ class Integrator(CVodeSolver):  # type: ignore[misc]
     Parameters
     ----------
     system : System
-        They, in continuous-time mode.
+        FMUs in continuous-time mode.
     descriptions : sequence of fmpy.model_description.ModelDescription
         Of each, as read by FMPy.
     time : float
@@ -118,15 +119,17 @@ class Integrator(CVodeSolver):  # type: ignore[misc]
         ------
         fmpy.fmi1.FMICallException
             A function of the FMU failed.
+        SimulationError
+            An exchange failed.
         ArithmeticError
             The integrator cannot go on.
         """
+        if anew:
+            self.reset(now)
         nearest = 4.0 * sys.float_info.epsilon * max(abs(now), abs(target))
         if target - now <= nearest or (self.discrete and not self.nz):
             self.set_time(max(now, target))
             return max(now, target), False
-        if anew:
-            self.reset(now)
         _set_stop_time(self.cvode_mem, target)
         reached = ctypes.c_double(now)
         flag = CVode(self.cvode_mem, target, self.x, ctypes.byref(reached), _ONE_STEP)
@@ -155,6 +158,8 @@ class Integrator(CVodeSolver):  # type: ignore[misc]
             function(*arguments)
         except BaseException as failure:
             self._failure = failure
-            return _AGAIN if isinstance(failure, FMICallException) and failure.status == DISCARD else _FATAL
+            discarded = isinstance(failure, SimulationError) and failure.discarded  # by an exchange
+            discarded |= isinstance(failure, FMICallException) and failure.status == DISCARD
+            return _AGAIN if discarded else _FATAL
         self._failure = None
         return 0

@@ -14,11 +14,12 @@ import csv
 import json
 import logging
 import shutil
+import weakref
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from gossamer_files import replacing
@@ -46,7 +47,11 @@ MAKE_SOME = "Make them with 'gossamer run'."
 MOST_NAMED = 3  # folders
 _CSV_BYTES = 20  # a value, at most
 _LOADED = 20_000_000  # [byte] results above stay on the disk until they are used
-_CELLS = 150_000  # values that are in memory at a time
+_CELLS, _CELLS_IF_WIDE = (
+    150_000,
+    500_000,
+)  # values that are in memory at a time: a slice of a variable costs more than a value
+_WIDE = 1000  # columns
 _NEAR = 4_000_000  # [byte] of a file that are mapped at a time
 
 
@@ -83,7 +88,7 @@ def _write_csv(data: xr.Dataset, path: Path) -> None:
         for place in np.ndindex(*variable.shape[1:]):
             indices = ",".join(str(labels[axis][i]) for axis, i in enumerate(place))
             names.append(f"{base}[{indices}] [{unit}]" if indices else f"{base} [{unit}]")
-    rows = max(1, _CELLS // len(names))
+    rows = max(1, (_CELLS_IF_WIDE if len(names) > _WIDE else _CELLS) // len(names))
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(names)
@@ -222,9 +227,11 @@ def _load_netcdf(path: Path, *, on_disk: bool) -> xr.Dataset:
             return self._mapped(key) if found is None else found
 
         def _mapped(self, key: tuple[Any, ...]) -> NDArray[Any]:
+            alone = [not isinstance(k, slice | range | np.ndarray) for k in key]
             key = tuple(slice(k.start, k.stop, k.step) if isinstance(k, range) else k for k in key)
+            key = tuple(slice(k, k + 1) if one else k for k, one in zip(key, alone, strict=True))  # else axes change places
             view: NDArray[Any] = np.ndarray(buffer=np.memmap(self._opened.file, mode="r"), **self._form)
-            return np.asarray(view[key], dtype=self.dtype)
+            return np.asarray(view[key], dtype=self.dtype)[tuple(0 if one else slice(None) for one in alone)]
 
         def __getitem__(self, key: Any) -> Any:  # noqa: ANN401
             return explicit_indexing_adapter(key, self.shape, IndexingSupport.OUTER_1VECTOR, self.read)
@@ -273,9 +280,11 @@ class _Opened:
 
     def __init__(self, path: Path) -> None:
         self.file = path.open("rb")
+        weakref.finalize(self, self.file.close)
 
-    def __del__(self) -> None:
-        self.file.close()
+    def __deepcopy__(self, _: object) -> Self:
+        """Return it: only read, the copies of its variables share it."""
+        return self
 
 
 def _load_csv(path: Path) -> xr.Dataset:

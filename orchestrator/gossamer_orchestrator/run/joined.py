@@ -12,14 +12,11 @@ import ctypes
 from collections.abc import Sequence
 from typing import cast
 
-import numpy as np
-
 from ..errors import SimulationError
 from ..fmi.instance import MAX_UPDATES, Instance
 from ..fmi.instances import Integration, ModelExchange
 from ..scenario import schema
 from .member import Member
-from .position import COMPONENT, Position
 from .signals import Store
 from .stages import IteratedGroup, Vector
 
@@ -38,8 +35,6 @@ class JoinedGroup(IteratedGroup):
         The values of the run.
     over : list of Instance
         FMUs that have ended the simulation.
-    position : Position
-        Where to note which FMU is called.
 
     Attributes
     ----------
@@ -47,14 +42,14 @@ class JoinedGroup(IteratedGroup):
         What does not converge; empty if everything does.
     """
 
-    def __init__(self, members: Sequence[Member], store: Store, over: list[Instance], position: Position) -> None:
+    def __init__(self, members: Sequence[Member], store: Store, over: list[Instance]) -> None:
         names = [member.name for member in members]
         wanted = schema.Group(components=names, tolerance=TOLERANCE, sweeps=SWEEPS)
         super().__init__(wanted, members, store, over, strict=False)
         self.diverged = ""
-        self._position = position
+        self._declared[:] = False  # a nominal value is the first peak only: the tolerance is relative
         self._instances = [cast("ModelExchange", member.instance) for member in members]
-        self._integration = Integration(self._instances, self._exchange, self._handle_events)
+        self._integration = Integration(self._instances, self._exchange, self._handle_events, lambda i: members[i].call())
         connections = [c for member in members for c in store.plan.component(member.name).connections]
         inside = [c for c in connections if c.sender in names]
         outside = [c for c in connections if c.sender not in names]
@@ -68,7 +63,8 @@ class JoinedGroup(IteratedGroup):
             instance.joined = True
 
     def split(self) -> Sequence[Member]:
-        """Return the members, which are integrated one by one from here on."""
+        """Return the members, which are integrated one by one from here on, and from their start values."""
+        self._store.values[self._places] = self._guesses[0]
         for instance in self._instances:
             instance.joined = False
         return self._members
@@ -93,7 +89,6 @@ class JoinedGroup(IteratedGroup):
     def advance(self, time: ctypes.c_double, size: ctypes.c_double, *, full: bool) -> bool:
         """Integrate over a step and read the outputs (all of them if ``full``); False if an FMU discarded the step."""
         if not self._integration.step(time, size):
-            self._position[COMPONENT] = self._members[self._instances.index(self._integration.part)].number
             return False
         for member in self._members if full else ():
             member.read(full=True)
@@ -104,16 +99,11 @@ class JoinedGroup(IteratedGroup):
         for member in self._fed_back:  # with the inputs of before: the first guess
             member.read(full=False)
         self.may_refuse = False  # a smaller step solves no loop
-        self._iterate(self._sweep, self._instances[0].time)
+        time = self._instances[0]._reached
+        self._iterate(self._sweep, time)
         if self.diverged:
             msg = f"{self.diverged} Break the loop with a delay, or put the components in a group."
-            raise SimulationError(msg, component=self.names[0], time=self._instances[0].time)
-
-    def _sweep(self, *, again: bool) -> bool:  # noqa: ARG002
-        for member in self._members:
-            member.receive(self._tick)
-            member.read(full=False)
-        return True
+            raise SimulationError(msg, component=self.names[0], time=time)
 
     def _handle_events(self) -> bool:
         """Handle the present events of all; True, and it is noted, if one ends the simulation."""
@@ -137,8 +127,9 @@ class JoinedGroup(IteratedGroup):
                 break
         else:
             text = f"{', '.join(self.names)} still send each other new values after {MAX_UPDATES} updates"
-            msg = f"{text} at t = {self._instances[0].time:.9g} s. Correct their parameters."
-            raise SimulationError(msg, component=self.names[0], time=self._instances[0].time)
+            time = self._instances[0]._reached
+            msg = f"{text} at t = {time:.9g} s. Correct their parameters."
+            raise SimulationError(msg, component=self.names[0], time=time)
         for member in self._members:
             member.call().resume()
         return False
@@ -150,8 +141,7 @@ class JoinedGroup(IteratedGroup):
 
     def _give_up(self, time: float, residuals: Vector) -> None:
         """Note that a loop does not converge; it is said where something else can be done, or is an error."""
-        worst = int(np.argmax(np.where(np.isfinite(residuals), residuals, np.inf))) if residuals.size else 0
-        source = ".".join(self._reals[worst] if residuals.size else self._others[0][0])
+        source = ".".join(self._worst(residuals)[0])
         self.diverged = (
             f"the algebraic loop through {source} does not converge at t = {time:.9g} s, after {self.sweeps} sweeps."
         )

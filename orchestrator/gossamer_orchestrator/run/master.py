@@ -313,7 +313,7 @@ class Simulation:
                 one = (
                     IteratedGroup(group, members, self.store, self.ended_by, strict=self._strict)
                     if group is not None
-                    else JoinedGroup(members, self.store, self.ended_by, self.position)
+                    else JoinedGroup(members, self.store, self.ended_by)
                 )
                 self.groups.append(one)
                 self._stages.append(one)

@@ -191,15 +191,15 @@ class IteratedGroup:
 
     def initialize(self, start: float) -> None:
         """Exchange values while all components are in their initialization, at the start of the run [s]."""
-
-        def sweep(*, again: bool) -> bool:  # noqa: ARG001
-            for member in self._members:
-                member.receive(0)
-                member.read(full=False)
-            return True
-
-        self._iterate(sweep, start)
+        self._iterate(self._sweep, start)
         self._store.values[self._places] = self._guesses[-1]  # one more sweep follows, when it ends
+
+    def _sweep(self, *, again: bool) -> bool:  # noqa: ARG002
+        """Exchange values once, without a step."""
+        for member in self._members:
+            member.receive(self._tick)
+            member.read(full=False)
+        return True
 
     def conclude(self) -> None:
         """Say how often it did not converge, if more than the once that has been said."""
@@ -248,11 +248,7 @@ class IteratedGroup:
         self._failures += 1
         if self._failures > 1 and not self._strict:
             return
-        worst = int(np.argmax(np.where(np.isfinite(residuals), residuals, np.inf))) if residuals.size else 0
-        open_ = residuals.size and not residuals[worst] <= self._tolerance
-        source = self._reals[worst] if open_ else self._others[0][0]
-        limit = f"more than 'tolerance' = {self._tolerance:g}"
-        change = f"changes by {residuals[worst]:.3g} of its size, {limit}" if open_ else "changes"
+        source, change = self._worst(residuals)
         text = (
             f"the group {', '.join(self.names)} does not converge in the step from t = {time:.9g} s: after {self.sweeps} "
             f"sweep{'s' * (self.sweeps > 1)} {'.'.join(source)} still {change}."
@@ -262,6 +258,14 @@ class IteratedGroup:
             msg = f"{text} {advice}"
             raise SimulationError(msg, component=source[0], time=time)
         logger.warning("%s The run goes on with its last values; %s ends it there. %s", text, option("strict", True), advice)
+
+    def _worst(self, residuals: Vector) -> tuple[tuple[str, str], str]:
+        """Return the value that is fed back and changes most, and how it does."""
+        worst = int(np.argmax(np.where(np.isfinite(residuals), residuals, np.inf))) if residuals.size else 0
+        if not residuals.size or residuals[worst] <= self._tolerance:
+            return self._others[0][0], "changes"
+        limit = f"more than 'tolerance' = {self._tolerance:g}"
+        return self._reals[worst], f"changes by {residuals[worst]:.3g} of its size, {limit}"
 
 
 def nominal(variable: Any) -> float:  # noqa: ANN401

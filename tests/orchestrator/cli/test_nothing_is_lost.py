@@ -14,7 +14,7 @@ import pytest
 from command_line import invoke
 from gossamer.descriptions import load_campaign
 from gossamer_files import write_text
-from gossamer_files.inputs import OverwriteError, keeping
+from gossamer_files.inputs import OverwriteError, is_pipe, keeping
 from gossamer_models.campaign import run_campaign
 from gossamer_models.detector import PosteriorArtifact
 from gossamer_models.sensor import SensorArtifact
@@ -125,6 +125,11 @@ def test_what_a_command_has_read_may_be_written_by_the_next_one(tmp_path):
         write_text(path, "b")
     write_text(path, "c")
     assert path.read_text() == "c"
+
+
+def test_a_link_to_what_cannot_be_looked_at_is_no_pipe(tmp_path):
+    (tmp_path / "link").symlink_to("x" * 300)  # longer than the name of a file can be
+    assert not is_pipe(tmp_path / "link")
 
 
 def test_a_file_in_the_store_that_is_read_is_refused(tmp_path):

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from gossamer_orchestrator import load_results
 from gossamer_orchestrator.results.dataset import SCHEMA, VERSION, RecordedScalar
 from gossamer_orchestrator.results.netcdf import GrowingFile, make_file
@@ -54,6 +55,34 @@ def test_any_rows_are_those_that_were_written(long, rows):
     assert np.array_equal(data["a.x"][rows].to_numpy(), np.sin(time)[rows])
 
 
+@pytest.fixture(scope="module")
+def matrices(tmp_path_factory):
+    """Results of 22 MB, which stay on the disk: 3 x 3 values a row; and those values."""
+    path = tmp_path_factory.mktemp("matrices") / "results.nc"
+    columns = [RecordedScalar(f"a.w[{i},{j}]", "m", "a matrix") for i in (1, 2, 3) for j in (1, 2, 3)]
+    header, layout = make_file(columns, {"schema": SCHEMA, "version": VERSION, "fmus": "{}", "connections": "[]"})
+    path.write_bytes(header)
+    file, values = GrowingFile(path, layout), np.arange(9.0 * 280_000).reshape(-1, 9)
+    file.append(np.column_stack([STEP * np.arange(len(values)), values]))
+    file.end("complete", 1.0)
+    return load_results(path)["a.w"], xr.DataArray(values.reshape(-1, 3, 3))
+
+
+PLACES_OF = {
+    "one row, some columns": (5, slice(None), [2, 0]),
+    "one row, some of both": (-1, [0, 2], [2, 0]),
+    "some rows, one place": ([7, 3], 1, [2, 0]),
+    "rows, and one place of the last": (slice(2, 9), [2, 0], 1),
+    "one value": (5, 1, 2),
+}
+
+
+@pytest.mark.parametrize("which", PLACES_OF)
+def test_axes_keep_their_order_whatever_is_taken_of_each(matrices, which):
+    data, in_memory = matrices
+    assert data[PLACES_OF[which]].to_numpy().tolist() == in_memory[PLACES_OF[which]].to_numpy().tolist()
+
+
 def test_times_that_stay_on_the_disk_answer_as_those_in_memory_do(long):
     times, time = Times(load_results(long)), STEP * np.arange(ROWS)
     asked = [-1.0, 0.0, 20.0, 20.0005, 777.0, 1e9]
@@ -90,3 +119,10 @@ def test_files_are_closed_when_their_results_are_gone_or_closed(long):
         assert count_open() == before + 1
     assert count_open() == before
     del data
+
+
+def test_results_that_stay_on_the_disk_can_be_copied_as_a_whole(long):
+    data = load_results(long)
+    other = data.copy(deep=True)
+    del data
+    assert other["a.x"][5].to_numpy() == np.sin(5 * STEP)

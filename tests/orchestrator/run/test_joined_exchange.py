@@ -6,7 +6,8 @@ import logging
 
 import numpy as np
 import pytest
-from gossamer_orchestrator import Simulation, make_plan, parse_scenario, run_scenario
+from gossamer_orchestrator import Simulation, SimulationError, make_plan, parse_scenario, run_scenario
+from gossamer_orchestrator.run.position import COMPONENT
 from scipy.integrate import solve_ivp
 
 K, C = 1.0, 0.5  # stiffness of the own spring and of the coupling
@@ -19,17 +20,17 @@ def _all_that_is_said(caplog):
     caplog.set_level(logging.WARNING)
 
 
-def springs(fmi=(2, 2), step=0.01, stop=20.0, *, D=0.0, wires=BOTH, keys="", own="", top="", more=""):
-    """Two masses on springs, of which the first is drawn to 1.
+def springs(fmi=(2, 2), step=0.01, stop=20.0, *, D=0.0, L=1.0, wires=BOTH, keys="", own="", top="", more=""):
+    """Two masses on springs, of which the first is drawn to ``L``.
 
     ``keys`` stand in every connection, ``own`` in the first component, ``top`` and ``more`` at both ends of the scenario.
     """
     fed = {wire.split(" -> ")[1] for wire in wires}
     text = f"{top}\nstep = {step}\nstop = {stop}\n"
-    for name, version, L in (("a", fmi[0], 1.0), ("b", fmi[1], 0.0)):
+    for name, version, place in (("a", fmi[0], L), ("b", fmi[1], 0.0)):
         free = ", ".join(f"{v} = 0" for v in ("u", "stiff") if f"{name}.{v}" not in fed)
         text += f'[components.{name}]\nfmu = "Spring{version}"\n{own if name == "a" else ""}\ninputs = {{ {free} }}\n'
-        text += f"parameters = {{ k = {K}, c = {C}, D = {D}, L = {L} }}\n"
+        text += f"parameters = {{ k = {K}, c = {C}, D = {D}, L = {place} }}\n"
     for wire in wires:
         sender, receiver = wire.split(" -> ")
         text += f'[[connections]]\nfrom = "{sender}"\nto = "{receiver}"\n{keys}\n'
@@ -150,7 +151,74 @@ def test_where_they_are_integrated_one_by_one_a_warning_says_why(exchange_fmus, 
     assert f"a, b are for model exchange and connected, but {why}: each is integrated by itself" in said[0]
 
 
+def test_a_loop_of_large_values_is_solved_relative_to_them_though_its_nominal_values_are_1(exchange_fmus):
+    """The system is linear: the places are 10^7 times those of a place of 1."""
+    own, large = springs(D=3.0, stop=0.3), springs(D=3.0, stop=0.3, L=1e7)
+    data = run_scenario(large, exchange_fmus)
+    assert data["a.y"].values == pytest.approx(1e7 * run_scenario(own, exchange_fmus)["a.y"].values, abs=1e3)
+
+
 def test_a_loop_without_a_solution_leaves_them_one_by_one(exchange_fmus, caplog):
     """With D = 1 both outputs are the other one and 1: there are no such numbers."""
-    run_scenario(springs(D=1.0, stop=0.02, keys="bias = 1.0"), exchange_fmus)
+    data = run_scenario(springs(D=1.0, stop=0.02, keys="bias = 1.0"), exchange_fmus)
     assert "but the algebraic loop through b.y does not converge at t = 0 s, after" in caplog.text
+    assert [float(data[name].values[0]) for name in ("a.y", "b.y")] == [1.0, 2.0]  # from the start value 0 of b.y
+
+
+def failing(simulation, monkeypatch, status):
+    """Let the second spring return a status in place of its outputs, once, while the two are integrated beyond 0.5 s."""
+    first = simulation.member("a").instance
+    get_them, left = simulation.member("b").sent.get_them, [status]
+
+    def get(*arguments):
+        if left and first._reached > 0.5 and not first._in_events:
+            return left.pop()
+        return get_them(*arguments)
+
+    monkeypatch.setattr(simulation.member("b").sent, "get_them", get)
+    return left
+
+
+def test_outputs_that_are_discarded_between_two_points_cost_smaller_steps(exchange_fmus, monkeypatch):
+    with Simulation(make_plan(springs(step=0.1, stop=1.0), exchange_fmus)) as simulation:
+        left = failing(simulation, monkeypatch, 2)
+        simulation.run()
+        assert not left
+        place = simulation.store.places["b", "x"]
+        assert simulation.values[place] == pytest.approx(reference(0.0, 1.0, np.array([1.0]))[1][-1], abs=2e-5)
+
+
+def test_the_one_that_fails_is_named_with_the_time_that_was_reached(exchange_fmus, monkeypatch):
+    with Simulation(make_plan(springs(step=0.1, stop=1.0), exchange_fmus)) as simulation:
+        failing(simulation, monkeypatch, 3)
+        with pytest.raises(SimulationError, match=r"component 'b' did not return its outputs at t = 0\.[5-9]"):
+            simulation.run()
+        assert simulation.position[COMPONENT] == 1
+
+
+def test_while_one_of_them_is_called_the_position_of_the_run_is_its_own(exchange_fmus, monkeypatch):
+    called = []
+    with Simulation(make_plan(springs(step=0.1, stop=0.1), exchange_fmus)) as simulation:
+        for member in simulation.members:
+            slave, number = member.instance._slave, member.number
+
+            def set_time(time, do=slave.setTime, number=number):
+                called.append(number == simulation.position[COMPONENT])
+                return do(time)
+
+            monkeypatch.setattr(slave, "setTime", set_time)
+        simulation.run()
+    assert called
+    assert all(called)
+
+
+def test_the_one_whose_events_do_not_end_is_named(exchange_fmus, monkeypatch):
+    monkeypatch.setattr("gossamer_orchestrator.fmi.instances.MAX_EVENTS", 3)
+    text = 'step = 1.0\nstop = 1.0\n[components]\na = { fmu = "Sampler2", inputs = { u = 0.0 } }\n'
+    text += 'b = { fmu = "Spring2", inputs = { stiff = 0 } }\n[[connections]]\nfrom = "a.x"\nto = "b.u"\n'
+    message = r"component 'a' has had 3 events between t = 0 and 0\.3 s, and more to come"
+    with (
+        Simulation(make_plan(parse_scenario(text), exchange_fmus)) as simulation,
+        pytest.raises(SimulationError, match=message),
+    ):
+        simulation.run()

@@ -97,6 +97,20 @@ def test_events_within_rounding_of_a_communication_point_happen_once(exchange_fm
     assert data["a.y"].values[between] == pytest.approx(np.floor(10.0 * t[between]) / 10.0, abs=1e-12)
 
 
+@pytest.mark.parametrize("step", [0.05, 0.1])
+def test_a_state_that_jumps_within_rounding_before_a_communication_point_keeps_its_jump(exchange_fmus, step):
+    """x falls by 10 every 0.1 s, at times that are summed up: some are the last floats before the end of a step."""
+    text = "inputs = { u = 0.0 }\nparameters = { drop = 10.0 }\n"
+    data = run_scenario(alone("Sampler2", step, 1.0, text), exchange_fmus)
+    t = data.time.values
+    jumps = (t - data["a.x"].values) / 10.0
+    assert jumps == pytest.approx(np.round(jumps), abs=1e-9)
+    due = np.floor(10.0 * t + 1e-6)  # at the points themselves rounding decides which was first
+    between = abs(10.0 * t - np.round(10.0 * t)) > 1e-6
+    assert np.round(jumps)[between].tolist() == due[between].tolist()
+    assert np.isin(due - np.round(jumps), [0.0, 1.0]).all()
+
+
 @pytest.mark.parametrize("step", [0.1, 10.0])
 def test_a_step_event_happens_after_the_step_that_asks_for_it(exchange_fmus, step):
     """The integrator takes steps of at most 0.1 s, so x falls before it is above 1.6; it needs a second and a half again."""
