@@ -66,7 +66,7 @@ def main(tokens: Sequence[str] | None = None) -> None:
         print(end="", flush=True)
     except OSError as error:  # of stdout: those of commands are sentences already
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # where Python sends what is left when it ends
-        if not isinstance(error, BrokenPipeError):  # where nobody reads any more, nothing is wrong
+        if not isinstance(error, BrokenPipeError):  # where nobody reads any more, nobody is told
             print(f"cannot write the answer: {error.strerror or error}. Send it elsewhere.", file=sys.stderr)
         code = code or 1
     finally:
