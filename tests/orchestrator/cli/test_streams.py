@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 
 import pytest
 from gossamer_orchestrator import load_results
@@ -58,13 +59,18 @@ def test_a_terminal_that_is_closed_ends_the_command_and_leaves_what_there_is(fol
     """Its process is sent SIGHUP, and what it then writes to the terminal fails."""
     (folder / "it.toml").write_text(SCENARIO.replace("stop = 1.0", "stop = 100000.0"))
     ours, terminal = os.openpty()
-    process = subprocess.Popen(COMMAND.split(), cwd=folder, stdin=terminal, stdout=terminal, stderr=terminal)
-    os.close(terminal)
-    while not (folder / "out/unfinished.nc").is_file():
-        assert process.poll() is None
-        time.sleep(0.05)
-    time.sleep(1.0)
-    os.close(ours)
-    process.send_signal(signal.SIGHUP)
-    assert process.wait(timeout=120) == 130
+    heard = partial(signal.signal, signal.SIGHUP, signal.SIG_DFL)  # also where the tests run under nohup
+    streams = {"stdin": terminal, "stdout": terminal, "stderr": terminal}
+    with subprocess.Popen(COMMAND.split(), cwd=folder, preexec_fn=heard, **streams) as process:
+        try:
+            os.close(terminal)
+            while not (folder / "out/unfinished.nc").is_file():
+                assert process.poll() is None
+                time.sleep(0.05)
+            time.sleep(1.0)
+            os.close(ours)
+            process.send_signal(signal.SIGHUP)
+            assert process.wait(timeout=120) == 130
+        finally:
+            process.kill()
     assert load_results(folder / "out").attrs["ended"] == "interrupted"
