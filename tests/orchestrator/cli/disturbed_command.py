@@ -7,9 +7,9 @@
 runs the command in ``complete``, a copy of the folder ``before``, and counts the moments at which a name or a file in this
 folder changes. Then it runs it in other copies, where it is killed with SIGKILL: in ``killed_0``, ``killed_2``, ... it ends
 itself at such a moment drawn from the seed, and a file that is opened then has been emptied, as the system does; in
-``killed_1``, ``killed_3``, ... it is killed at any time of its life, one in each of equal parts of that, unless it has ended
-before. How many of these were alive stands on the standard output. In ``full_0``, ... no file may become larger than a
-limit.
+``killed_1_0``, ``killed_3_0``, ... it is killed at any time of its life, one in each of equal parts of that; where it has
+ended before, in ``killed_1_1`` after half the time, and so on. How many of these were alive stands on the standard output.
+In ``full_0``, ... no file may become larger than a limit.
 """
 
 import errno
@@ -25,6 +25,7 @@ from pathlib import Path
 from gossamer.cli import main as command_line
 
 CHANGES = ("open", "os.rename", "os.remove", "os.mkdir", "os.truncate")
+EARLIER = 6  # tries to kill it before it ends, each after half the time
 LIMITS = (2_000, 30_000, 300_000)  # [byte]
 
 
@@ -90,7 +91,10 @@ def main(seed, times, *command):
     draw, anytime, alive = random.Random(int(seed)), times // 2, 0
     for number, at in enumerate(draw.sample(moments, times)):
         if number % 2:
-            code, _ = fork(f"killed_{number}", command, after=life * (number // 2 + draw.random()) / anytime)
+            after, code = life * (number // 2 + draw.random()) / anytime, 0
+            for again in range(EARLIER):
+                if not code:
+                    code, _ = fork(f"killed_{number}_{again}", command, after=after / 2.0**again)
             if code not in (0, -signal.SIGKILL):
                 sys.exit(f"killed at any time it ended with code {code}")
             alive += code != 0

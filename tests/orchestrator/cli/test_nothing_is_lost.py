@@ -212,7 +212,8 @@ def test_a_command_that_is_killed_or_lacks_space_damages_nothing(prepared, kills
     assert int(re.search(r"(\d+) of \d+ were alive", done.stdout)[1]) > 0
     assert "File too large. Name another place with --out." in " ".join(done.stderr.split())
     assert files("before") != files("complete")
-    disturbed = [*Path().glob("killed_*"), *Path().glob("full_*")]
-    assert len(disturbed) == times + min(times, 3)
-    for folder in disturbed:
+    killed, full = ([*Path().glob(name)] for name in ("killed_*", "full_*"))
+    assert len({folder.name.split("_")[1] for folder in killed}) == times
+    assert len(full) == min(times, 3)
+    for folder in [*killed, *full]:
         assert_nothing_is_damaged(folder)
