@@ -150,7 +150,7 @@ def _header(model: StepModel, sizes: dict[str, int], bits: FloatBits) -> str:
     """Write the interface."""
     real = "float" if bits == 32 else "double"
     parameters, inputs, results = (model.variables[part] for part in model.slices())
-    version = int(model.digest[:8], 16) ^ bits
+    version, parts = int(model.digest[:8], 16) ^ bits, arrays_in_parts(model)
     lines = [
         f"/* {model.name}: {c_comment(model.description)}. Written by gossamer flight; see INTERFACE.md. */",
         "#ifndef COMPONENT_H",
@@ -172,7 +172,7 @@ def _header(model: StepModel, sizes: dict[str, int], bits: FloatBits) -> str:
         f"typedef {real} component_real;",
         "",
     ]
-    for what, arrays in zip(("parameters", "inputs", "outputs"), arrays_in_parts(model), strict=True):
+    for what, arrays in zip(("parameters", "inputs", "outputs"), parts, strict=True):
         lines.append("typedef struct {")
         for array in arrays:
             v, size = array.members[0], f"[{array.size}]" if array.shape else ""
@@ -214,8 +214,8 @@ def _header(model: StepModel, sizes: dict[str, int], bits: FloatBits) -> str:
         f"  component_real w[{sizes['W']}];",
         "} component_work;",
         "",
-        *_starts("parameters", arrays_in_parts(model)[0], bits),
-        *_starts("inputs", arrays_in_parts(model)[1], bits),
+        *_starts("parameters", parts[0], bits),
+        *_starts("inputs", parts[1], bits),
         "#ifdef __cplusplus",
         'extern "C" {',
         "#endif",

@@ -201,16 +201,18 @@ def _together(twin: Twin, alone: Sequence[Alone], before: Before | None) -> Fit:
     for _ in range(ROUNDS if any(finer) else 0):
         moving, needed = (np.isin(np.arange(joint.size), which) for which in differentiated(fit))
         try:
-            joint = joint.corrected(fit.point.x, moving, needed, finer, noise)
+            joint = joint.under(noise).corrected(fit.point.x, moving, needed, finer)
         except ConvergenceError:
             fit = fit if fit.problem is not whole else again(fit, cast(RecordProblem, joint.under(noise)), sparse=sparse)
             break
         last, fit = fit, again(fit, cast(RecordProblem, joint), sparse=sparse, rivals=False)
         if fit is last:  # it failed
             break
-        noise = [noise_left(problem, joint.point(k, fit.point.x)) for k, problem in enumerate(joint.problems)]
-        changes = zip(noise, joint.problems, finer, strict=True)
-        same = all(np.nanmin(new / problem.noise) >= SAME_NOISE for new, problem, mesh in changes if mesh is not None)
+        noise = [
+            problem.noise if mesh is None else noise_left(problem, joint.point(k, fit.point.x))
+            for k, (problem, mesh) in enumerate(zip(joint.problems, finer, strict=True))
+        ]
+        same = all(np.nanmin(new / problem.noise) >= SAME_NOISE for new, problem in zip(noise, joint.problems, strict=True))
         move = np.abs(fit.point.x - last.point.x)[: joint.zones]
         if same and moved(last, fit) < SETTLED:
             move = np.zeros(joint.zones)

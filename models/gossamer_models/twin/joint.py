@@ -189,14 +189,9 @@ class JointProblem(LeastSquares):
         return JointProblem(found, self.shared, self.groups, self.before)
 
     def corrected(
-        self,
-        x: Vector,
-        moving: Rows,
-        needed: Rows,
-        finer: Sequence[tuple[Forward, Matrix] | None],
-        noise: Sequence[Vector] | None = None,
+        self, x: Vector, moving: Rows, needed: Rows, finer: Sequence[tuple[Forward, Matrix] | None]
     ) -> JointProblem:
-        """Return the same with what a finer mesh adds about unknowns, and under other noise.
+        """Return the same with what a finer mesh adds about unknowns.
 
         Parameters
         ----------
@@ -208,8 +203,6 @@ class JointProblem(LeastSquares):
             Those of them without which derivatives that were taken nearby do not serve again.
         finer : sequence of tuple or None
             The finer mesh of each record, and components of the error that is left there; None if it has none.
-        noise : sequence of ndarray, shape (s,), or None
-            That of each record with a finer mesh, in its unit; None for the same. Other records keep theirs.
 
         Raises
         ------
@@ -223,6 +216,5 @@ class JointProblem(LeastSquares):
                 continue
             of_record = self.maps[k][1][: problem.simulated]
             by, own = (np.flatnonzero(of_record[:, each].any(axis=1)) for each in (moving, needed))
-            under = problem if noise is None else problem.under(noise[k])
-            found.append(under.corrected(mesh[0], self.point(k, x), by, own, mesh[1]))
+            found.append(problem.corrected(mesh[0], self.point(k, x), by, own, mesh[1]))
         return JointProblem(found, self.shared, self.groups, self.before)

@@ -98,7 +98,7 @@ class Alone:
     finer : tuple or None
         The finer mesh that it still needs, and components of the error that is left there, see ``Twin.finer``.
     noise : ndarray, shape (sensors,)
-        Standard deviation of the noise that it is compared with there.
+        Standard deviation of the noise that it is compared with there, or was.
     """
 
     record: ResponseRecord
@@ -300,7 +300,8 @@ class Twin:
                 wiring = None
         whole = fit.problem if corrects else self._problem(record, report)
         needs = not corrects and (fit.problem.added is not None or whole.mesh_over_noise > HIDES)
-        return Alone(record, fit, minima, wiring, doubts, self.finer(whole) if needs else None, whole.noise)
+        finer, noise = (self.finer(whole), whole.noise) if needs else (None, fit.problem.noise)
+        return Alone(record, fit, minima, wiring, doubts, finer, noise)
 
     def _fit(self, record: ResponseRecord, report: Progress) -> Answer:
         found = self.alone(record, report)
