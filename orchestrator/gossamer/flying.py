@@ -85,6 +85,7 @@ def flight(
     scales: Scales | None = None,
     setup: File | None = None,
     noise: NotNegative | None = None,
+    ageing: bool = True,
     float: Literal[64, 32] = 64,
     measure: bool = False,
     hil: bool = False,
@@ -111,6 +112,9 @@ def flight(
         Of the membrane that a watch is for, with its built-in pressure; the square of the thesis by default.
     noise
         Standard deviation of the strain that a watch reads [1]; 0.001 by default.
+    ageing
+        Let a compensator follow gain and offset of its sensor wherever the strain is known; the exact inverse alone needs
+        half the RAM.
     float
         Bits of its numbers.
     measure
@@ -147,20 +151,22 @@ def flight(
         require_tools("budgets need" if measure else "a processor in the loop needs")
     folder = Path(out)
     given: dict[str, Any] = {"artifact": None if artifact is None else Path(artifact), "scales": scales}
-    of_watch, others = {"setup": setup, "noise": noise}, {"artifact": artifact, "scales": scales}
+    own = given if ageing else given | {"ageing": False}
+    of_watch = {"setup": setup, "noise": noise}
+    others = {"artifact": artifact, "scales": scales, "ageing": None if ageing else ageing}
     for name, value in (others if kind == "watch" else of_watch).items():
-        require(value is None, f"{option(name)} has no meaning for a {kind}. Leave it out.")
+        require(value is None, f"{option(name, None if value else value)} has no meaning for a {kind}. Leave it out.")
     require(noise is None or noise > 0.0, "--noise is what a watch compares with: it must be larger than 0.")
     if kind == "watch":
         model, vectors, golden, period = _watch(setup, DEFAULT_NOISE if noise is None else noise)
     else:
-        model, period = make_model(kind, **given), PERIOD
+        model, period = make_model(kind, **own), PERIOD
         vectors, golden = golden_vectors(model, None if kind == "detector" else make_model("sensor", **given))
     files = flight_files(model, kind, vectors, golden, float, period)
     if framework is not None:
-        own = {name: files[name] for name in (f"{kind}.c", f"{kind}.h", f"{kind}_math.h", f"{kind}_table.h")}
-        own |= framework_files(model, kind, framework, float, period)
-        files |= {f"{framework}/{name}": content for name, content in own.items()}
+        framed = {name: files[name] for name in (f"{kind}.c", f"{kind}.h", f"{kind}_math.h", f"{kind}_table.h")}
+        framed |= framework_files(model, kind, framework, float, period)
+        files |= {f"{framework}/{name}": content for name, content in framed.items()}
     check_outputs(folder / name for name in files)
     for name, content in files.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
