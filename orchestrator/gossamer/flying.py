@@ -14,6 +14,7 @@ from gossamer_orchestrator.errors import require
 
 from .arguments import AnyPath, File, Folder, NotNegative, Scales, command
 from .results import Saved
+from .working import progress_bar
 
 if TYPE_CHECKING:
     from gossamer_models import StepModel
@@ -188,6 +189,7 @@ def _watch(setup: AnyPath | None, noise: float) -> tuple[StepModel, tuple[Vector
 
     from .descriptions import load_structure
 
-    stored = stored_responses(None if setup is None else load_structure(setup))
+    with progress_bar("simulating the healthy response") as bar:
+        stored = stored_responses(None if setup is None else load_structure(setup), report=lambda done: bar.update(done, 1.0))
     model = watch_model(stored, noise)
     return model, *vectors_of(Stepper(model), example_inputs(stored, noise).T, stored.step), stored.step
