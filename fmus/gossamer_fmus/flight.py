@@ -27,9 +27,11 @@ from gossamer_models.arrays import Vector
 
 from .description import Array, arrays_in_parts
 from .flight_mathematics import FloatBits, mathematics
+from .flight_slices import Slices, slices_of
 
-GOLDEN_STEPS, OF_DETECTOR = 240, 1300  # samples of the golden vectors; more than a window of a detector
+GOLDEN_STEPS, OF_DETECTOR = 240, 2900  # samples of the golden vectors; three windows of a detector, and their slices
 PERIOD = 3e-4  # [s]
+FOLLOWED = 60  # samples after a bit that flips; all of a detector, which answers once a window
 TOLERANCES = {64: 1e-12, 32: 1e-2}  # of golden vectors, over the largest value of each result
 _JUDGEMENTS = {"saturated": 0.0, "valid": 1.0}  # results that say whether a model explains its inputs, and when it does
 
@@ -64,11 +66,14 @@ def flight_files(
     if model.tables is not None or model.restarted or (limit is not None and limit >= first_result):
         msg = f"model {model.name!r} has no fixed number of operations in a step. Choose a compensator or a detector."
         raise ParameterError(msg)
-    code, lists, sizes = mathematics(model, bits)
+    slices = slices_of(model)
+    code, lists, sizes = mathematics(model, bits, slices)
+    if slices is not None:
+        golden = np.vstack([*[golden[:1]] * slices.count, golden[: -slices.count]])
     here = Path(__file__).parent / "native/flight"
     files = {path.name: path.read_text(encoding="utf-8") for path in sorted(here.iterdir())}
     files["main.c"] = files["main.c"].replace("3e-4", repr(period))
-    files["component.h"] = _header(model, sizes, bits)
+    files["component.h"] = _header(model, sizes, bits, slices)
     files["component_math.h"] = code
     files["component_table.h"] = _table(model, lists, bits, limit)
     files["golden.h"] = _golden(model, vectors, golden, bits, period)
@@ -146,7 +151,7 @@ def c_comment(text: str) -> str:
     return text.replace("*/", "* /").replace("??/", "?? /")
 
 
-def _header(model: StepModel, sizes: dict[str, int], bits: FloatBits) -> str:
+def _header(model: StepModel, sizes: dict[str, int], bits: FloatBits, slices: Slices | None) -> str:
     """Write the interface."""
     real = "float" if bits == 32 else "double"
     parameters, inputs, results = (model.variables[part] for part in model.slices())
@@ -187,6 +192,22 @@ def _header(model: StepModel, sizes: dict[str, int], bits: FloatBits) -> str:
         if what != "parameters":
             lines += ["  uint32_t crc;"]
         lines += [f"}} component_{what};", ""]
+    if slices is not None:
+        lines += [
+            f"#define COMPONENT_N_SLICES {len(slices.all)}U",
+            f"#define COMPONENT_N_LIVE {slices.size}",
+            f"#define COMPONENT_N_FOLDS {slices.folds}U",
+            f"#define COMPONENT_ANSWERS_AFTER {slices.count}U /* samples after the end of a window come its results */",
+            "",
+            "typedef struct { /* how far the window that ended last is judged */",
+            "  uint32_t slice; /* the next one; 0: none, COMPONENT_N_SLICES: all are done */",
+            "  uint32_t part;",
+            "  uint32_t unjudged; /* 1: the window that ended last was lost */",
+            "  uint32_t folded; /* words of the constant of a product so far */",
+            "  uint32_t folds[COMPONENT_N_FOLDS]; /* of values in between */",
+            "} component_judging;",
+            "",
+        ]
     lines += [
         "/* counts since init; they stop at their largest value */",
         *(f"#define COMPONENT_COUNT_{each} {k}" for k, each in enumerate(_COUNTS)),
@@ -197,13 +218,16 @@ def _header(model: StepModel, sizes: dict[str, int], bits: FloatBits) -> str:
         "  component_real results[COMPONENT_N_RESULTS];",
         "  component_real state[COMPONENT_N_STATES];",
         "  component_real period; /* [s] */",
-        *(f"  uint32_t {each};" for each in ("version", "sequence", "health", "next_list", "counts[COMPONENT_N_COUNTS]")),
+        *(f"  uint32_t {each};" for each in ("version", "sequence", "health", "next_list")),
+        *(["  component_judging judging;"] if slices else []),
+        "  uint32_t counts[COMPONENT_N_COUNTS];",
         "  uint32_t crc;",
         "} component_block;",
         "",
         "typedef struct {",
         "  component_block first;",
         "  component_block second;",
+        *(["  component_real live[COMPONENT_N_LIVE]; /* what slices give each other */"] if slices else []),
         "} component;",
         "",
         "typedef struct { /* what a step writes before it reads it: components that run in turn may share one */",
@@ -220,6 +244,7 @@ def _header(model: StepModel, sizes: dict[str, int], bits: FloatBits) -> str:
         'extern "C" {',
         "#endif",
         *_PROTOTYPES,
+        *(_OF_SLICES if slices else ()),
         "#ifdef __cplusplus",
         "}",
         "#endif",
@@ -244,6 +269,7 @@ HEALTH = (
     ("LOST", "neither copy of the state is whole, or there is none: init or restore"),
     ("CONSTANTS", "constants of the program are damaged: load it again, then init or restore"),
     ("GAP", "more than COMPONENT_LONGEST_GAP samples were missing; stays until init or restore"),
+    ("UNJUDGED", "the last window of a detector was lost, as its numbers were damaged; stays until the next one is judged"),
 )
 _USABLE = ("MISSED", "HEALED")
 _COUNTS = ("STEPS", "REFUSED", "MISSED", "HEALED", "FAILED")
@@ -282,6 +308,12 @@ uint32_t component_restore(component *c, const component_block *saved, uint32_t 
 bool component_constants_hold(void);
 
 /* Numbers in the order of the table, for telemetry and files. */""".splitlines()
+
+
+_OF_SLICES = """
+/* Judge the window that ended last further by one slice, as each step does; in a task that has time, results come earlier.
+   Returns health. */
+uint32_t component_slice(component *c, component_work *w);""".splitlines()
 
 
 def _number(value: float, bits: FloatBits) -> str:
@@ -362,13 +394,21 @@ def _golden(model: StepModel, vectors: tuple[Vector, Vector], golden: Vector, bi
         return "{" + ", ".join(float(value).hex() for value in values) + "},"
 
     parameters, inputs = vectors
+    far = 10.0 * np.abs(inputs).max(axis=0) + 1.0
+    ranges = [
+        (-end if v.minimum is None else v.minimum, end if v.maximum is None else v.maximum)
+        for v, end in zip(model.variables[model.slices()[1]], far.tolist(), strict=True)
+    ]
     names = model.names[model.slices()[2].start :]
     lines = [
         "/* Golden vectors: what the model gives in double precision. */",
         f"#define GOLDEN_STEPS {len(inputs) - 1}",
         f"#define GOLDEN_PERIOD {period!r}",
+        f"#define GOLDEN_WINDOW {len(inputs) - 1 if 'window_length' in model.names else FOLLOWED}",
         f"#define GOLDEN_TOLERANCE {TOLERANCES[bits]!r}",
         "static const char *const GOLDEN_NAMES[] = {" + ", ".join(f'"{name}"' for name in names) + "};",
+        "/* of inputs; where there is no end, ten times what is here */",
+        f"static const double GOLDEN_RANGES[][2] = {{{', '.join(f'{{{low!r}, {high!r}}}' for low, high in ranges)}}};",
         "static const double GOLDEN_PARAMETERS[] = " + row(parameters)[:-1] + ";",
         f"static const double GOLDEN_INPUTS[][{inputs.shape[1]}] = {{",
         *map(row, inputs),

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 import zlib
+from collections.abc import Sequence
 from typing import Literal
 
 import casadi as ca
@@ -16,6 +17,8 @@ from gossamer_models import StepModel
 from gossamer_models.batch.code import internal_name
 
 from .c_code import INTERFACE
+from .flight_slices import Slices
+from .flight_slices import table as slice_table
 
 FloatBits = Literal[32, 64]
 _MOST_WORDS = 1 << 16  # constants that are checked before every step; where there are more, a list of them in a step
@@ -53,16 +56,25 @@ _PLACE = re.compile(r"\*w(\d+)=w\+(\d+)")
 _CALL = re.compile(r"\b(casadi_f\d+)\([^()]*, iw, w, 0\)")
 
 
-def mathematics(model: StepModel, bits: FloatBits) -> tuple[str, str, dict[str, int]]:
-    """Return what CasADi writes of init and step, the table of its lists of constants, and sizes of work space."""
-    functions = (model.init, model.step)
+_AS_INDEX = (
+    "/* A place in a list; -1, which is in none, for what is no number or too large. */",
+    "static casadi_int casadi_index(casadi_real x) { return x > -1 && x < 1000000000 ? (casadi_int)x : -1; }",
+    "",
+)
+
+
+def mathematics(model: StepModel, bits: FloatBits, slices: Slices | None = None) -> tuple[str, str, dict[str, int]]:
+    """Return what CasADi writes of init, step and slices, the table of its lists of constants, and sizes of work space."""
+    parts = [] if slices is None else slices.all
+    of_parts = [each.function for each in parts if each.function is not None]
+    functions = (model.init, model.step if slices is None else slices.step, *of_parts)
     generator = ca.CodeGenerator("functions", {"with_header": False, "verbose": False, "indent": 1})
     for function in functions:
         generator.add(function)
     code = generator.dump()
-    names = {name: internal_name(code, name) for name in ("init", "step")}
+    names = {each.name(): internal_name(code, each.name()) for each in functions}
     code = _HELPER.sub(r"static \1 \2", _DEFINED.sub("", INTERFACE.sub("", code)))
-    code, size = _without_holes(code, model)
+    code, size = _without_holes(code, functions)
     code = _INDEX.sub(r"casadi_index(\1)", _LOW.sub(r"  (void)lookup_mode; /* always 0 */\n\1", code))
     code = code.replace("= casadi_low(", "= (casadi_real)casadi_low(")
     code = _BEGIN.sub(r"\1\n (void)arg, (void)res, (void)iw, (void)w, (void)mem;", code)
@@ -71,11 +83,18 @@ def mathematics(model: StepModel, bits: FloatBits) -> tuple[str, str, dict[str, 
     if bits == 32:
         code = _NUMBER.sub(lambda found: f"{_in_float(float(found[1]))!r}f", code)
     bodies = {found[2]: found[0] for found in _FUNCTION.finditer(code)}
-    stepping = "".join(body for name, body in bodies.items() if name != names["init"])
-    read = set(re.findall(r"\bcasadi_[a-z]\d+\b", stepping))
     _check_rewritten(code, len(bodies))
+    apart = {names["init"], *(names[each.name()] for each in of_parts)}
+    read = _lists_in("".join(body for name, body in bodies.items() if name not in apart))
+    of_each = [_lists_in(bodies[names[each.function.name()]]) - read if each.function else set[str]() for each in parts]
+    if any(each.shape is not None and len(own) != 1 for each, own in zip(parts, of_each, strict=True)):
+        msg = "CasADi wrote the constant of a product otherwise than as a list; its generator must have changed"
+        raise RuntimeError(msg)
+    later = set[str]().union(*of_each)
     of_step: list[tuple[int, str, bytes, bool]] = []  # words, line of the table, content, whether they are reals
+    of_slices: list[tuple[int, str, bytes, bool]] = []
     of_init: list[tuple[int, str, bytes, bool]] = []
+    number_of: dict[str, int] = {}  # among those of slices
     checksum = 0
     for kind, name, count, values in _LIST.findall(code):
         is_real = kind == "casadi_real"
@@ -86,27 +105,39 @@ def mathematics(model: StepModel, bits: FloatBits) -> tuple[str, str, dict[str, 
         words = np.frombuffer(numbers.tobytes(), dtype="<u4")
         folded = int(np.bitwise_xor.reduce(words))
         line = f" {{{name}, {words.size}U, {int(is_real)}, 0x{folded:08x}U}},"
-        (of_step if name in read else of_init).append((words.size, line, numbers.tobytes(), is_real))
+        if name in later:
+            number_of[name] = len(of_slices)
+        of = of_step if name in read else of_slices if name in later else of_init
+        of.append((words.size, line, numbers.tobytes(), is_real))
     of_step.sort(key=lambda entry: entry[-1])  # indices first
-    for _, _, content, _ in of_step + of_init:
+    every = of_step + of_slices + of_init
+    for _, _, content, _ in every:
         checksum = zlib.crc32(content, checksum)
-    reals = sum(is_real for *_, is_real in of_step)
+    indices = sum(not is_real for *_, is_real in of_step)
+    reals = max(1, len(of_step) - indices)  # where a step reads none, it checks the first of a slice
     code = _LIST.sub(lambda found: found[0].replace("static const", "static COMPONENT_CONST", 1), code)
     few = sum(words for words, *_ in of_step) <= _MOST_WORDS
     table = [
-        f"#define COMPONENT_N_LISTS {len(of_step + of_init)}U",
-        f"#define COMPONENT_N_STEP_LISTS {len(of_step)}U",
-        f"#define COMPONENT_N_INDEX_LISTS {len(of_step) - reals}U",
+        f"#define COMPONENT_N_LISTS {len(every)}U",
+        f"#define COMPONENT_N_USED_LISTS {len(of_step + of_slices)}U",
+        f"#define COMPONENT_N_STEP_LISTS {indices + reals}U",
+        f"#define COMPONENT_N_INDEX_LISTS {indices}U",
         f"#define COMPONENT_N_REAL_LISTS {reals}U",
         f"#define COMPONENT_LISTS_PER_STEP {reals if few else 1}U",
         f"#define COMPONENT_CONSTANTS_CRC 0x{checksum:08x}U",
         f"#define COMPONENT_INIT {names['init']}",
         f"#define COMPONENT_STEP {names['step']}",
-        "/* those that a step reads first, indices before reals, then those of init alone */",
+        "/* those that a step reads first, indices before reals, then those of slices and of init alone */",
         "static const component_list COMPONENT_LISTS[COMPONENT_N_LISTS] = {",
-        *(line for _, line, *_ in of_step + of_init),
+        *(line for _, line, *_ in every),
         "};",
     ]
+    if slices is not None:
+        called = [names[each.function.name()] if each.function and each.shape is None else None for each in parts]
+        table += slice_table(slices, [sorted(len(of_step) + number_of[name] for name in each) for each in of_each], called)
+        for each in parts:
+            if each.function and each.shape is not None:  # a constant; what multiplies with it is in component.c
+                code = code.replace(bodies[names[each.function.name()]], "")
     head = [
         "/* Written by CasADi from the model, as for its native FMU; see component.c. */",
         f"#define casadi_real {'float' if bits == 32 else 'double'}",
@@ -118,9 +149,7 @@ def mathematics(model: StepModel, bits: FloatBits) -> tuple[str, str, dict[str, 
         "#define COMPONENT_CONST const /* a test of upsets lets them be written */",
         "#endif",
         "",
-        "/* A place in a list; -1, which is in none, for what is no number or too large. */",
-        "static casadi_int casadi_index(casadi_real x) { return x > -1 && x < 1000000000 ? (casadi_int)x : -1; }",
-        "",
+        *(_AS_INDEX if "casadi_index(" in code else ()),
     ]
     sizes = {
         "ARG": max(f.sz_arg() for f in functions),
@@ -129,6 +158,11 @@ def mathematics(model: StepModel, bits: FloatBits) -> tuple[str, str, dict[str, 
         "W": max(1, size),
     }
     return "\n".join(head) + code, "\n".join(table), sizes
+
+
+def _lists_in(code: str) -> set[str]:
+    """Return the lists of constants that code reads."""
+    return set(re.findall(r"\bcasadi_[cs]\d+\b", code))
 
 
 def _check_rewritten(code: str, bodies: int) -> None:
@@ -146,13 +180,13 @@ def _in_float(value: float) -> float:
     return min(value, float(np.finfo(np.float32).max))
 
 
-def _without_holes(code: str, model: StepModel) -> tuple[str, int]:
+def _without_holes(code: str, functions: Sequence[ca.Function]) -> tuple[str, int]:
     """Let the columns of CasADi's work space follow each other; return its size, too.
 
     A function of CasADi's reserves a place for each of its values and declares those that it writes, ``*w05=w+19``; numbers,
     constants and arguments are used where they are. What lies before the first place serves the functions that are called.
     """
-    known = {each.name(): each for f in (model.init, model.step) for each in (*f.find_functions(), f)}
+    known = {each.name(): each for f in functions for each in (*f.find_functions(), f)}
     new: dict[str, int] = {}
 
     def close(found: re.Match[str]) -> str:

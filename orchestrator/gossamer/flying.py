@@ -30,6 +30,7 @@ _ROWS = (  # key, words, unit
     ("stack", "stack bound along the call graph, without the C library", "byte"),
     ("stack_in_use", "stack in use, with the C library and the runner's printf", "byte"),
     ("most", "instructions of a step, the most (a count, not a time)", "1"),
+    ("random", "the same in random states: any inputs, samples missing, a copy to heal", "1"),
     ("mean", "instructions of a step, on average", "1"),
     ("worst", "error of the golden vectors, over the largest of each result", "1"),
 )

@@ -18,6 +18,7 @@ from gossamer_fmus.flight import HEALTH, PERIOD, flight_files, golden_vectors, v
 from gossamer_fmus.flight_budgets import FlightError, budgets, missing_tools, run_tool, stack_bound
 from gossamer_models import ParameterError, Stepper
 from gossamer_models.compensator import compensator_model
+from gossamer_models.detector import PosteriorArtifact, posterior_model
 from gossamer_models.membrane import square_structure
 from gossamer_models.sensor import default_artifact
 from gossamer_models.twin.on_board import example_inputs, watch_model
@@ -90,6 +91,82 @@ def test_so_has_one_of_an_artifact(tmp_path, make):
         (tmp_path / name).write_bytes(content)
     found = printed(run(*MAKE, "golden", folder=tmp_path))
     assert found["different"] == found["health"] == 0
+
+
+def small_detector():
+    """Return two windows of the detector that ships with Gossamer, with a quarter of its components and a fifth of its network."""
+    nominal = PosteriorArtifact.default()
+    windows = []
+    for window in nominal.windows[:2]:
+        some = np.arange(0, window.sectors.size, 4)
+        W, b, *hidden = (a[..., :64] for a in window.encoder[:4])
+        encoder = (W[[*some, -1]], b, hidden[0][:64], hidden[1], window.encoder[-2][:64], window.encoder[-1])
+        kept = {"axes": window.axes[:, some], "sectors": window.sectors[some], "variances": window.variances[some]}
+        windows.append(replace(window, **kept, encoder=encoder, latent=window.latent[:64]))
+    return posterior_model(replace(nominal, windows=tuple(windows)))
+
+
+IN_SLICES = r"""
+#include "detector.c"
+#include "golden.h"
+#include <stdio.h>
+static detector c, begun;
+static detector_work work;
+static detector_outputs y;
+static int k;
+static uint32_t go(void) {
+  detector_inputs u;
+  detector_to_inputs(GOLDEN_INPUTS[k], &u);
+  u.sequence = (uint32_t)k++;
+  detector_seal(&u);
+  detector_parameters p = detector_start_parameters;
+  p.repeat = 1;
+  if (k == 1) return detector_init(&c, &p, GOLDEN_PERIOD, &u, &work);
+  return detector_step(&c, &u, &y, &work);
+}
+static int is(int row) { return memcmp(c.first.results, GOLDEN_RESULTS[row], sizeof c.first.results) == 0; }
+int main(void) {
+  uint32_t health = 0U, calls = 0U;
+  while (k == 0 || c.first.judging.slice == 0U) health = go();
+  const int end = k - 1;
+  begun = c;
+  for (; c.first.judging.slice != DETECTOR_N_SLICES; calls++) health |= detector_slice(&c, &work);
+  health |= go();
+  printf("early %d %u %x\n", is(end + (int)DETECTOR_ANSWERS_AFTER), (unsigned)(DETECTOR_ANSWERS_AFTER - calls), health & DETECTOR_UNJUDGED);
+  c = begun;
+  k = end + 1;
+  c.live[DETECTOR_VALUES[DETECTOR_PARTS[c.first.judging.slice].first_value].place] += 1;
+  health = go();
+  const int seen = (health & DETECTOR_UNJUDGED) != 0U, kept = is(end);
+  while ((health & DETECTOR_UNJUDGED) != 0U) health = go();
+  printf("lost %d %d until %d %d\n", seen, kept, k - 1 == 2 * end + (int)DETECTOR_ANSWERS_AFTER, is(k - 1));
+  detector_block saved;
+  printf("saved %d", detector_save(&begun, &saved));
+  printf(" %x\n", detector_restore(&c, &saved, (uint32_t)end) & DETECTOR_UNJUDGED);
+  return 0;
+}
+"""
+
+
+@needs_compiler
+def test_a_window_is_judged_in_slices_and_one_that_is_damaged_meanwhile_is_said_to_be_lost(tmp_path):
+    model = small_detector()
+    files = flight_files(model, "detector", *golden_vectors(model, None))
+    files["slices.c"] = IN_SLICES.encode()
+    for name, content in files.items():
+        (tmp_path / name).write_bytes(content)
+    for compiler in COMPILERS:
+        run(compiler, *STRICT, "-fsyntax-only", "detector.c", "main.c", folder=tmp_path)
+    run(COMPILERS[0], *STRICT[:2], "-O1", "slices.c", "-lm", "-o", "slices", folder=tmp_path)
+    assert run(tmp_path / "slices", folder=tmp_path).splitlines() == [
+        "early 1 1 0",  # the first slice was in the step that ended the window
+        "lost 1 1 until 1 1",
+        "saved 1 400",
+    ]
+    found = printed(run(*MAKE, "golden", folder=tmp_path))
+    assert found["different"] == found["health"] == 0
+    lines = run(*MAKE, "upsets", "FLIPS=20", folder=tmp_path).splitlines()
+    assert all(line.endswith(" 0 of these not seen, 0 valid and wrong") for line in lines)
 
 
 @needs_compiler

@@ -53,6 +53,15 @@ static uint32_t crc_block(const component_block *b) {
   c = crc_word(c, b->sequence);
   c = crc_word(c, b->health);
   c = crc_word(c, b->next_list);
+#ifdef COMPONENT_N_SLICES
+  c = crc_word(c, b->judging.slice);
+  c = crc_word(c, b->judging.part);
+  c = crc_word(c, b->judging.unjudged);
+  c = crc_word(c, b->judging.folded);
+  for (uint32_t i = 0U; i < COMPONENT_N_FOLDS; i++) {
+    c = crc_word(c, b->judging.folds[i]);
+  }
+#endif
   for (uint32_t i = 0U; i < COMPONENT_N_COUNTS; i++) {
     c = crc_word(c, b->counts[i]);
   }
@@ -87,10 +96,10 @@ static uint32_t word_at(const unsigned char *from) {
   return word;
 }
 
-/* The words of a list, folded: one bit that flips is seen, whatever the order of bytes is. */
-static uint32_t folded(const component_list *list) {
-  const unsigned char *from = place_of(list);
-  uint32_t left = list->words;
+/* Words, folded: one bit that flips is seen, whatever the order of bytes is. */
+static uint32_t folded_words(const unsigned char *begin, uint32_t words) {
+  const unsigned char *from = begin;
+  uint32_t left = words;
   uint32_t sum = 0U;
   for (; left >= 8U; left -= 8U) { /* eight at once: a loop costs as much as a word */
     sum ^= word_at(from) ^ word_at(&from[4]) ^ word_at(&from[8]) ^ word_at(&from[12]);
@@ -103,6 +112,8 @@ static uint32_t folded(const component_list *list) {
   }
   return sum;
 }
+
+static uint32_t folded(const component_list *list) { return folded_words(place_of(list), list->words); }
 
 /* Whether some lists that a step reads are as they were compiled. */
 static bool lists_hold(uint32_t first, uint32_t count) {
@@ -236,9 +247,164 @@ uint32_t component_init(component *c, const component_parameters *p, component_r
   return health;
 }
 
+#ifdef COMPONENT_N_SLICES
+/* A window that has ended is judged in slices, one in each step. What they give each other is in c->live, each value under a
+   fold in the sealed block; constants are checked where they are used. */
+
+#define WORDS (sizeof(component_real) / 4U)
+
+static uint32_t folded_value(const component *c, const component_value *value) {
+  return folded_words((const void *)&c->live[value->place], value->size * WORDS);
+}
+
+static bool values_hold(const component *c, uint32_t first, uint32_t count) {
+  bool hold = true;
+  for (uint32_t i = 0U; i < count; i++) {
+    const component_value *value = &COMPONENT_VALUES[first + i];
+    hold = hold && (folded_value(c, value) == c->second.judging.folds[value->fold]);
+  }
+  return hold;
+}
+
+static void fold_values(component *c, const component_part *s) {
+  for (uint32_t i = 0U; i < s->gives; i++) {
+    const component_value *value = &COMPONENT_VALUES[s->first_value + s->takes + i];
+    c->second.judging.folds[value->fold] = folded_value(c, value);
+  }
+}
+
+/* A part of a product with a constant, in the order of CasADi's: some terms of all sums where the constant is on the left, some
+   columns where it is on the right. Its words are folded meanwhile. */
+static void multiply(component *c, const component_part *s) {
+  component_judging *judging = &c->second.judging;
+  const component_list *list = &COMPONENT_LISTS[COMPONENT_SLICE_LISTS[s->first_list]];
+  const component_real *constant = (const void *)place_of(list);
+  const component_real *value = &c->live[COMPONENT_VALUES[s->first_value].place];
+  component_real *result = &c->live[COMPONENT_VALUES[s->first_value + 1U].place];
+  const bool is_left = s->kind == COMPONENT_LEFT;
+  const uint32_t all = is_left ? s->terms : s->columns;
+  const uint32_t length = is_left ? s->rows : s->terms; /* of a column of the constant */
+  const uint32_t begin = judging->part * s->each;
+  const uint32_t end = ((all - begin) > s->each) ? (begin + s->each) : all;
+  const uint32_t first_term = is_left ? begin : 0U;
+  const uint32_t last_term = is_left ? end : s->terms;
+  for (uint32_t i = is_left ? 0U : begin; i < (is_left ? s->columns : end); i++) {
+    for (uint32_t j = 0U; j < s->rows; j++) {
+      component_real sum = (first_term == 0U) ? (component_real)0 : result[(i * s->rows) + j];
+      if (is_left) {
+        for (uint32_t k = first_term; k < last_term; k++) {
+          sum += constant[(k * s->rows) + j] * value[(i * s->terms) + k];
+        }
+      } else {
+        for (uint32_t k = first_term; k < last_term; k++) {
+          sum += value[(k * s->rows) + j] * constant[(i * s->terms) + k];
+        }
+      }
+      result[(i * s->rows) + j] = sum;
+    }
+  }
+  judging->folded ^= folded_words((const void *)&constant[begin * length], (end - begin) * length * WORDS);
+}
+
+/* Run a part of a slice; false where its constants are damaged. */
+static bool ran(component *c, const component_part *s, component_work *w) {
+  bool hold = true;
+  if (s->kind == COMPONENT_FUNCTION) {
+    for (uint32_t i = 0U; i < s->lists; i++) {
+      const component_list *list = &COMPONENT_LISTS[COMPONENT_SLICE_LISTS[s->first_list + i]];
+      hold = hold && (folded(list) == list->folded);
+    }
+    for (uint32_t i = 0U; i < s->takes; i++) {
+      w->arg[i] = &c->live[COMPONENT_VALUES[s->first_value + i].place];
+    }
+    for (uint32_t i = 0U; i < s->gives; i++) {
+      w->res[i] = &c->live[COMPONENT_VALUES[s->first_value + s->takes + i].place];
+    }
+    hold = hold && (component_call(c->second.judging.slice, w->arg, w->res, w->iw, w->w) == 0);
+  } else if (s->kind != COMPONENT_NOTHING) {
+    multiply(c, s);
+    hold = ((c->second.judging.part + 1U) < s->parts) ||
+           (c->second.judging.folded == COMPONENT_LISTS[COMPONENT_SLICE_LISTS[s->first_list]].folded);
+  } else {
+    /* as many slices for each window */
+  }
+  fold_values(c, s);
+  return hold;
+}
+
+static void lose_window(component_judging *judging) {
+  judging->slice = 0U;
+  judging->unjudged = 1U;
+}
+
+/* Judge a window further by one slice; returns COMPONENT_CONSTANTS where a constant of it is damaged. */
+static uint32_t judged_further(component *c, component_work *w) {
+  component_judging *judging = &c->second.judging;
+  uint32_t health = 0U;
+  if ((judging->slice > 0U) && (judging->slice < COMPONENT_N_SLICES)) {
+    const component_part *s = &COMPONENT_PARTS[judging->slice];
+    /* a product that has begun also takes what it gave */
+    if (!values_hold(c, s->first_value, s->takes + ((judging->part > 0U) ? s->gives : 0U))) {
+      lose_window(judging);
+    } else if (!ran(c, s, w)) {
+      lose_window(judging);
+      health = COMPONENT_CONSTANTS;
+    } else {
+      judging->part++;
+      if (judging->part == s->parts) {
+        judging->part = 0U;
+        judging->folded = 0U;
+        judging->slice = s->next;
+      }
+      if ((judging->slice == COMPONENT_N_SLICES) && !all_finite(c->live, COMPONENT_N_RESULTS)) {
+        lose_window(judging);
+      }
+    }
+  }
+  return health;
+}
+
+/* Keep what the window needs that ends with a step from x over h [s]. */
+static void begin_window(component *c, const component_real *x, const component_real *inputs, const component_real *h,
+                         component_real window) {
+  component_judging *judging = &c->second.judging;
+  if ((window >= (component_real)0) && (window < (component_real)COMPONENT_N_WINDOWS)) {
+    const uint32_t begin = COMPONENT_WINDOWS[(uint32_t)window];
+    const component_part *s = &COMPONENT_PARTS[begin];
+    if (judging->slice != 0U) {
+      judging->unjudged = 1U; /* it ended before that of the last one was judged */
+    }
+    for (uint32_t i = 0U; i < s->takes; i++) {
+      const component_value *from = &COMPONENT_VALUES[s->first_value + i];
+      const component_real *numbers = (from->place == 0U) ? x : (from->place == 1U) ? inputs :
+                                      (from->place == 2U) ? c->first.parameters : h;
+      component_real *to = &c->live[COMPONENT_VALUES[s->first_value + s->takes + i].place];
+      (void)memcpy(to, numbers, from->size * sizeof *to);
+    }
+    fold_values(c, s);
+    judging->slice = s->next;
+    judging->part = 0U;
+    judging->folded = 0U;
+  }
+}
+
+/* Whether there are results of a window, which the next step takes. */
+static component_real is_judged(component *c) {
+  component_judging *judging = &c->second.judging;
+  bool is = judging->slice == COMPONENT_N_SLICES;
+  if (is) {
+    const component_value value = {0U, COMPONENT_N_RESULTS, 0U};
+    is = folded_value(c, &value) == judging->folds[0];
+    judging->slice = 0U;
+    judging->unjudged = is ? 0U : 1U;
+  }
+  return is ? (component_real)1 : (component_real)0;
+}
+#endif
+
 /* Carry the state over h [s] in equal parts that the model can take. */
-static bool advance(const component *c, const component_real *inputs, component_real h, component_block *next,
-                    component_work *w) {
+static bool advance(component *c, const component_real *inputs, component_real h, component_work *w) {
+  component_block *next = &c->second;
   uint32_t parts = 1U;
   bool done = true;
 #if COMPONENT_STEP_LIMIT >= 0
@@ -249,6 +415,10 @@ static bool advance(const component *c, const component_real *inputs, component_
   }
 #endif
   const component_real part = h / (component_real)parts;
+#ifdef COMPONENT_N_SLICES
+  component_real judged = is_judged(c);
+  component_real window = (component_real)-1;
+#endif
   w->arg[0] = c->first.state;
   for (uint32_t i = 0U; done && (i < parts); i++) {
     w->arg[1] = inputs;
@@ -256,8 +426,17 @@ static bool advance(const component *c, const component_real *inputs, component_
     w->arg[3] = &part;
     w->res[0] = next->state;
     w->res[1] = next->results;
+#ifdef COMPONENT_N_SLICES
+    w->arg[4] = c->live;
+    w->arg[5] = &judged;
+    w->res[2] = &window;
+#endif
     done = (COMPONENT_STEP(w->arg, w->res, w->iw, w->w, 0) == 0) && all_finite(next->state, COMPONENT_N_STATES) &&
            all_finite(next->results, COMPONENT_N_RESULTS);
+#ifdef COMPONENT_N_SLICES
+    begin_window(c, w->arg[0], inputs, &part, done ? window : (component_real)-1);
+    judged = (component_real)0;
+#endif
 #if COMPONENT_STEP_LIMIT >= 0
     (void)memcpy(w->x, next->state, sizeof w->x);
     w->arg[0] = w->x;
@@ -316,7 +495,7 @@ static uint32_t taken(component *c, const component_inputs *u, component_work *w
   health |= admitted(&c->first, u, inputs, &periods);
   if ((health & (COMPONENT_REFUSED | COMPONENT_REPEATED | COMPONENT_CONSTANTS)) != 0U) {
     count_up(&next->counts[COMPONENT_COUNT_REFUSED]);
-  } else if (!advance(c, inputs, c->first.period * (component_real)periods, next, w)) {
+  } else if (!advance(c, inputs, c->first.period * (component_real)periods, w)) {
     (void)memcpy(next->state, c->first.state, sizeof next->state);
     (void)memcpy(next->results, c->first.results, sizeof next->results);
     count_up(&next->counts[COMPONENT_COUNT_FAILED]);
@@ -333,8 +512,34 @@ static uint32_t taken(component *c, const component_inputs *u, component_work *w
       count_up(&next->counts[COMPONENT_COUNT_MISSED]);
     }
   }
+#ifdef COMPONENT_N_SLICES
+  if (c->first.judging.slice == next->judging.slice) {
+    health |= ((health & COMPONENT_CONSTANTS) == 0U) ? judged_further(c, w) : 0U;
+  } else if ((health & (COMPONENT_FAILED | COMPONENT_CONSTANTS)) != 0U) {
+    lose_window(&next->judging);
+  } else {
+    /* a window has just begun to be judged, or its results were taken */
+  }
+  health |= (next->judging.unjudged != 0U) ? COMPONENT_UNJUDGED : 0U;
+#endif
   return health | judged(next->results);
 }
+
+#ifdef COMPONENT_N_SLICES
+uint32_t component_slice(component *c, component_work *w) {
+  uint32_t health = 0U;
+  if (heal(c, &health)) {
+    health |= c->first.health;
+    health |= ((health & COMPONENT_CONSTANTS) == 0U) ? judged_further(c, w) : 0U;
+    health |= (c->second.judging.unjudged != 0U) ? COMPONENT_UNJUDGED : 0U;
+    c->second.health = health;
+    seal_both(c);
+  } else {
+    health = COMPONENT_LOST;
+  }
+  return health;
+}
+#endif
 
 uint32_t component_step(component *c, const component_inputs *u, component_outputs *y, component_work *w) {
   uint32_t health = 0U;
@@ -369,6 +574,12 @@ uint32_t component_restore(component *c, const component_block *saved, uint32_t 
     c->second = *saved;
     c->second.sequence = sequence;
     c->second.health &= ~COMPONENT_STAYS;
+#ifdef COMPONENT_N_SLICES
+    if (c->second.judging.slice != 0U) { /* what slices gave each other was not saved */
+      lose_window(&c->second.judging);
+      c->second.health |= COMPONENT_UNJUDGED;
+    }
+#endif
     seal_both(c);
     health = c->first.health;
   }
