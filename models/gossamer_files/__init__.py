@@ -23,7 +23,7 @@ from .errors import DataError as DataError
 from .errors import GossamerError as GossamerError
 from .errors import NotFiniteError as NotFiniteError
 from .errors import exit_code as exit_code
-from .inputs import check_outputs, is_pipe
+from .inputs import check_outputs, followed, is_pipe
 
 STALE = 3600.0  # [s] without a change: its writer was killed
 
@@ -62,7 +62,7 @@ def replacing(path: Path) -> Iterator[Path]:
         The command under way reads it.
     """
     check_outputs([path])
-    target = path.resolve()
+    target = followed(path)
     if target.exists() and not target.is_file():  # a device, or a folder, which then refuses
         yield target
         return
@@ -73,12 +73,16 @@ def replacing(path: Path) -> Iterator[Path]:
         with suppress(FileNotFoundError):  # another process removes it, too
             if time.time() - left.stat().st_mtime > STALE:
                 left.unlink()
-    unfinished = target.with_name(f".{target.stem}.{os.urandom(4).hex()}.unfinished{target.suffix}")
+    unfinished = target.with_name(f".{_short(target)}.{os.urandom(4).hex()}.unfinished{target.suffix}")
     try:
         yield unfinished
         with unfinished.open("rb+") as file:
             os.fsync(file.fileno())
         unfinished.replace(target)
+    except OSError as error:
+        if error.filename == str(unfinished):
+            error.filename = str(path)
+        raise
     finally:
         unfinished.unlink(missing_ok=True)
 
@@ -167,7 +171,12 @@ def read_json(path: Path) -> Any:  # noqa: ANN401
 
 def unfinished_of(path: Path) -> list[Path]:
     """List what writers of a file are writing, or had written when they were killed."""
-    return list(path.parent.glob(f".{escape(path.stem)}.*.unfinished{escape(path.suffix)}"))
+    return list(path.parent.glob(f".{escape(_short(path))}.*.unfinished{escape(path.suffix)}"))
+
+
+def _short(path: Path) -> str:
+    """Return the stem of a file, cut so that a name with 22 bytes more is no longer than file systems take."""
+    return os.fsdecode(os.fsencode(path.stem)[: 233 - len(os.fsencode(path.suffix))])
 
 
 def reason(error: Exception) -> str:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from gossamer_files import replacing, uninterrupted, write_text
 from gossamer_files.inputs import check_outputs
 from gossamer_files.options import option
 from gossamer_files.tables import TableText
@@ -170,14 +172,15 @@ def flight(
         framed |= framework_files(model, kind, framework, float, period)
         files |= {f"{framework}/{name}": content for name, content in framed.items()}
     check_outputs(folder / name for name in files)
-    for name, content in files.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(content)
-    (folder / "budgets.json").unlink(missing_ok=True)  # of another component
+    with uninterrupted():
+        with ExitStack() as all_of_them:  # they take their places together, or none does
+            for name, content in files.items():
+                all_of_them.enter_context(replacing(folder / name)).write_bytes(content)
+        (folder / "budgets.json").unlink(missing_ok=True)  # of another component
     in_the_loop = [write_fmu_in_the_loop(model, kind, folder)] if hil else []
     measured = budgets(folder, kind) if measure else {}
     if measured:
-        (folder / "budgets.json").write_text(json.dumps(measured, indent=1), encoding="utf-8")
+        write_text(folder / "budgets.json", json.dumps(measured, indent=1))
     return FlightCode(files=[folder, *in_the_loop], kind=kind, bits=float, budgets=measured)
 
 

@@ -91,17 +91,24 @@ def test_an_interrupt_waits_until_casadi_has_returned():
     assert reached == ["inside"]
 
 
-def test_an_interrupt_is_not_lost_where_python_passes_over_exceptions():
-    """In a destructor one was forgotten, and the command went on."""
+@pytest.mark.parametrize("passes_over", [
+    "def __del__(self): signal.raise_signal(signal.SIGTERM)",
+    "def __init__(self): weakref.finalize(self, signal.raise_signal, signal.SIGINT)",
+    """def __init__(self):
+        with contextlib.suppress(BaseException): signal.raise_signal(signal.SIGTERM)""",
+])  # fmt: skip
+def test_an_interrupt_is_not_lost_where_python_passes_over_exceptions(passes_over):
+    """In a destructor or the callback of a weak reference one was forgotten, with a traceback, and the command went on."""
     code = (
-        "import signal, time\nimport gossamer.__main__ as program, gossamer.cli\nprogram.LOST = 0.1\n"
-        "class Ends:\n    def __del__(self): signal.raise_signal(signal.SIGTERM)\n"
+        "import contextlib, signal, time, weakref\nimport gossamer.__main__ as program, gossamer.cli\n"
+        f"program.LOST = {0.1 if 'suppress' in passes_over else 60.0}\n"
+        f"class Ends:\n    {passes_over}\n"
         "def command():\n    Ends()\n    time.sleep(60.0)\n"
         "gossamer.cli.main = command\nprogram.main()\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30, check=False)
     assert done.returncode == 130
-    assert done.stderr.endswith("\nInterrupted.\n")
+    assert done.stderr == "Interrupted.\n"
 
 
 def wait_until_it_listens(process):

@@ -128,6 +128,51 @@ def test_a_link_to_what_cannot_be_looked_at_is_no_pipe(tmp_path):
     assert not is_pipe(tmp_path / "link")
 
 
+@pytest.mark.parametrize("command", [
+    ["flight", "compensator", "--out", "loop"],
+    ["export-ssp", "chain.toml", "--fmus", "fmus", "--out", "loop/chain.ssp"],
+    ["container", "chain.toml", "--fmus", "fmus", "--out", "loop/chain.fmu"],
+    ["run", "chain.toml", "--fmus", "loops", "--out", "out"],
+    ["modes", "--mesh", "loop", "loop.toml"],
+    ["campaign", "loop.toml", "--out", "loop/x.zarr"],
+])  # fmt: skip
+def test_links_that_go_in_a_circle_are_refused_by_name(record, fmus, command):
+    """Whether they are to be read or written: Python's own way to follow them ended in a traceback."""
+    shutil.copytree(fmus, "fmus")
+    Path("chain.toml").write_text('step = 0.1\nstop = 1.0\n[components.i]\nfmu = "integrator"\ninputs = { u = 1.0 }\n')
+    Path("loops").mkdir()
+    for link in ("loop", "loop.toml", "loops/integrator.fmu"):
+        Path(link).symlink_to(Path(link).name)
+    result = invoke(command)
+    assert result.exit_code == 1
+    assert ("integrator" if "loops" in command else "loop") in result.stderr
+
+
+def test_a_name_that_is_as_long_as_can_be_is_written(tmp_path):
+    for name in ("n" * 250 + ".json", "\u65e5" * 83 + ".json"):
+        for text in ("a", "b"):
+            write_text(tmp_path / name, text)
+        assert (tmp_path / name).read_text() == "b"
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_what_is_not_written_is_named_and_not_the_file_that_would_have_become_it(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(OSError, match=r"file/x\.json|file") as caught:
+        write_text(tmp_path / "file/x.json", "b")
+    assert "unfinished" not in str(caught.value)
+
+
+def test_code_for_a_flight_processor_is_all_of_one_command(tmp_path):
+    """As where the disk is full: what would have taken the place of earlier files is not written either."""
+    assert invoke(["flight", "compensator", "--out", tmp_path]).exit_code == 0
+    (tmp_path / "INTERFACE.md").unlink()
+    (tmp_path / "INTERFACE.md").mkdir()  # it comes last
+    before = {path: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()}
+    assert invoke(["flight", "compensator", "--float", "32", "--out", tmp_path]).exit_code == 1
+    assert {path: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()} == before
+
+
 def test_a_file_in_the_store_that_is_read_is_refused(tmp_path):
     (tmp_path / "small.zarr").mkdir()
     (tmp_path / "small.zarr/zarr.json").write_text("{}")
