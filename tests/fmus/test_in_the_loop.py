@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -150,6 +151,15 @@ while len(request := sys.stdin.buffer.read(size)) == size:
 """
 
 
+def board(tmp_path, health, sample):
+    """Write a processor that answers with zeros, and with a health at a sample; return the words that start it."""
+    parameters, inputs, results = (part.stop - part.start for part in make_model("compensator").slices())
+    (tmp_path / "board.py").write_text(BOARD)
+    bit = 1 << [name for name, _ in HEALTH].index(health)
+    numbers = (16 + 8 * (parameters + inputs) + 8, results, bit, sample)
+    return "10", sys.executable, str(tmp_path / "board.py"), *map(str, numbers)
+
+
 @pytest.mark.parametrize(
     ("health", "sample", "words"),
     [
@@ -159,12 +169,7 @@ while len(request := sys.stdin.buffer.read(size)) == size:
     ],
 )
 def test_a_component_that_has_no_state_or_no_results_stops_the_run(begin, tmp_path, health, sample, words):
-    model = make_model("compensator")
-    parameters, inputs, results = (part.stop - part.start for part in model.slices())
-    (tmp_path / "board.py").write_text(BOARD)
-    bit = 1 << [name for name, _ in HEALTH].index(health)
-    numbers = (16 + 8 * (parameters + inputs) + 8, results, bit, sample)
-    fmu = begin("10", sys.executable, str(tmp_path / "board.py"), *map(str, numbers))
+    fmu = begin(*board(tmp_path, health, sample))
     if sample == 0:
         with pytest.raises(Exception, match="fmi2ExitInitializationMode"):
             fmu.initialize()
@@ -173,6 +178,36 @@ def test_a_component_that_has_no_state_or_no_results_stops_the_run(begin, tmp_pa
         assert fmu.step(PERIOD) == 0
         assert fmu.step(PERIOD) == 2
     assert words in fmu.messages[-1]
+
+
+@pytest.mark.parametrize("health", ["LOST", "FAILED"])
+def test_a_run_in_which_it_has_none_ends_with_its_words(path, built, tmp_path, health):
+    for kind, fmu in built("native").items():
+        shutil.copy(fmu, tmp_path / f"{kind}.fmu")
+    with zipfile.ZipFile(path) as made, zipfile.ZipFile(tmp_path / "compensator.fmu", "w") as changed:
+        for name in made.namelist():
+            words = "\n".join(board(tmp_path, health, 7)) if name.endswith("processor.txt") else made.read(name)
+            changed.writestr(name, words)
+    result = invoke(["run", "damaged", "--fmus", str(tmp_path), "--stop", "0.015", "--out", str(tmp_path / "out")])
+    assert result.exit_code == 1, result.output
+    words = {"LOST": "says that its state is lost", "FAILED": "says that its step failed"}[health]
+    assert f"{words} (health 0x{1 << [name for name, _ in HEALTH].index(health):x}) of sample 7" in " ".join(
+        result.output.split()
+    )
+
+
+def test_instances_of_one_binary_have_resources_of_their_own(begin, path, unzipped, tmp_path):
+    other = tmp_path / "other"
+    shutil.copytree(unzipped, other, copy_function=os.link)  # the same library to the loader
+    (other / "resources/processor.txt").unlink()
+    (other / "resources/processor.txt").write_text("5\nfalse\n")
+    first = begin()
+    second = Instance(path, other)
+    first.initialize()
+    assert first.step(PERIOD) == 0
+    with pytest.raises(Exception, match="fmi2ExitInitializationMode"):
+        second.initialize()
+    second.slave.freeInstance()
 
 
 def test_the_period_is_that_of_the_first_step(begin):

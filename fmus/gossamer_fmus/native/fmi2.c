@@ -83,6 +83,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
   m->logger = logger;
   m->environment = environment;
   snprintf(m->name, sizeof m->name, "%s", name);
+  MODEL_RESOURCES(&m->stepper, resources);
   stepper_reset(&m->stepper);
   return m;
 }

@@ -26,13 +26,13 @@
 
 extern char **environ;
 static const double *const tables = NULL;
-static char resources_of_all[4096];
 
 typedef struct {
   pid_t pid;            /* 0: not started */
   int to, from, unused; /* ends of pipes; the unused one lets no write fail for want of a reader */
   double patience;      /* [s] */
   bool steps;           /* the period is known */
+  char resources[4096]; /* where they are: two instances of one binary may have two places */
   pipe_request request;
   char why[512];
 } Processor;
@@ -42,14 +42,14 @@ typedef struct {
 #undef HAS_DERIVATIVES
 #define HAS_DERIVATIVES 0
 #define MODEL_FAILURE(s) (*((Processor *)(s)->w)->why ? ((Processor *)(s)->w)->why : NULL)
+#define MODEL_RESOURCES(s, place) strcpy(((Processor *)(s)->w)->resources, place)
 #define MODEL_END(s) processor_end((Processor *)(s)->w)
 #define MODEL_CAN_BE_SAVED false
 _Static_assert(sizeof(pipe_request) < 4096, "a request fits into a pipe");
 
 static const char *tables_open(const char *resources) {
-  if (!resources || strlen(resources) >= sizeof resources_of_all) return "the host does not say where the FMU's resources are";
-  strcpy(resources_of_all, resources);
-  return NULL;
+  bool fits = resources && strlen(resources) < sizeof ((Processor *)NULL)->resources;
+  return fits ? NULL : "the host does not say where the FMU's resources are";
 }
 static void tables_close(void) {}
 
@@ -89,7 +89,7 @@ static int processor_start(Processor *p) {
   size_t size;
   posix_spawn_file_actions_t actions;
   posix_spawnattr_t attributes;
-  FILE *file = resource_path(resources_of_all, PROCESSOR_FILE, path, sizeof path) ? fopen(path, "r") : NULL;
+  FILE *file = resource_path(p->resources, PROCESSOR_FILE, path, sizeof path) ? fopen(path, "r") : NULL;
   if (!file) return snprintf(p->why, sizeof p->why, "cannot read %s in the FMU's resources. Unpack the whole FMU.", PROCESSOR_FILE);
   path[strlen(path) - strlen("/" PROCESSOR_FILE)] = '\0';
   size = 0;

@@ -68,6 +68,7 @@ static int (*run_loop)(int which, const double **arg, double **res); /* chosen i
 
 #ifndef MODEL_FAILURE
 #define MODEL_FAILURE(s) NULL /* why init or step failed, where they say it (processor.h) */
+#define MODEL_RESOURCES(s, place) ((void)0) /* takes note of where the resources of an instance are */
 #define MODEL_END(s) ((void)0)
 #define MODEL_CAN_BE_SAVED true
 #endif
