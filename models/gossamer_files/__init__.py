@@ -26,6 +26,7 @@ from .errors import exit_code as exit_code
 from .inputs import check_outputs, followed, is_pipe
 
 STALE = 3600.0  # [s] without a change: its writer was killed
+PATIENCE = 100  # tries, ten a second, to be alone in a folder
 
 
 MIXED = ".unfinished_build"  # in a folder of FMUs: names of those that a killed build may have left mixed
@@ -97,8 +98,41 @@ def ending_signals() -> list[signal.Signals]:
 
 
 @contextmanager
-def uninterrupted() -> Iterator[None]:
-    """Let a signal that asks for the end wait for that of the ``with`` block: several files change together in it."""
+def uninterrupted(folder: Path) -> Iterator[None]:
+    """Let a signal that asks for the end wait for that of the ``with`` block: files of a folder change together in it.
+
+    Another command that changes this folder waits too, where file systems have locks, but not for ever.
+    """
+    with _locked(folder), _holding_signals():
+        yield
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        yield
+        return
+    folder.mkdir(parents=True, exist_ok=True)
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        for _ in range(PATIENCE):
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                time.sleep(0.1)
+            except OSError:  # without locks
+                break
+            else:
+                break
+        yield
+    finally:
+        os.close(handle)
+
+
+@contextmanager
+def _holding_signals() -> Iterator[None]:
     held: list[tuple[int, FrameType | None]] = []
     numbers = ending_signals() if threading.current_thread() is threading.main_thread() else []
     handlers = {number: handler for number in numbers if callable(handler := signal.getsignal(number))}

@@ -172,7 +172,7 @@ def flight(
         framed |= framework_files(model, kind, framework, float, period)
         files |= {f"{framework}/{name}": content for name, content in framed.items()}
     check_outputs(folder / name for name in files)
-    with uninterrupted():
+    with uninterrupted(folder):
         with ExitStack() as all_of_them:  # they take their places together, or none does
             for name, content in files.items():
                 all_of_them.enter_context(replacing(folder / name)).write_bytes(content)

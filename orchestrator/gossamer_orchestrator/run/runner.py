@@ -193,7 +193,7 @@ def _settle(
     full = isinstance(error, ResultsError) and (folder / files.NETCDF).exists()
     if full or (error is not None and files.has_complete(folder)):
         return last, path
-    with uninterrupted(), writing(folder, ResultsError):
+    with writing(folder, ResultsError), uninterrupted(folder):
         _remove_earlier(folder, drawn=resumed or (folder / files.NETCDF).is_file())
         path = path.replace(folder / files.NETCDF)
         settle_shapes(folder, kept=True)
