@@ -267,16 +267,24 @@ def order_components(
     return start_order, order
 
 
+_PAIRS = 10_000
+
+
 def _find_loop(files: Mapping[str, FmuFile], connections: Iterable[Connection]) -> list[tuple[str, str]]:
     """Find a circle of signals in which every value depends on itself at the same instant."""
     signals: dict[tuple[str, str], list[tuple[str, str]]] = {}
     for c in connections:
         signals.setdefault((c.sender, c.output), []).append((c.receiver, c.input))
     for name, fmu in files.items():
-        for output, inputs in fmu.feedthrough().items():
+        for k, (outputs, inputs) in enumerate(fmu.feedthrough()):
+            ends = [(name, output) for output in outputs]
+            if len(inputs) * len(outputs) > _PAIRS:
+                hub = ("", f"{name} {k}")  # all go through one node
+                signals[hub], ends = ends, [hub]
             for source in inputs:
-                signals.setdefault((name, source), []).append((name, output))
-    return find_cycle(signals)
+                signals.setdefault((name, source), []).extend(ends)
+    loop = [node for node in find_cycle(signals)[1:] if node[0]]
+    return [*loop[-1:], *loop]
 
 
 def _check_stated_order(draft: Draft, order: list[str], feeds: Mapping[str, list[str]]) -> None:
