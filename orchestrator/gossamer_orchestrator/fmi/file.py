@@ -8,8 +8,10 @@ from __future__ import annotations
 import math
 import tempfile
 from collections.abc import Iterable, Mapping
+from functools import cached_property
 from itertools import product
 from math import prod
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 from zipfile import ZipFile
@@ -162,23 +164,26 @@ class FmuFile:
         variable = self.variables[name]
         return variable.type in FLOATS and variable.variability in (None, "continuous")
 
-    def feedthrough(self) -> dict[str, list[str]]:
-        """List, for each output, the inputs it depends on at the same instant; undeclared means all of them."""
+    def feedthrough(self) -> list[tuple[list[str], list[str]]]:
+        """List outputs that depend on the same inputs at the same instant, and these; undeclared means all of them."""
         inputs = self.names("input")
         declared = {
             unknown.variable.name: unknown.dependencies
             for unknown in self.description.outputs
             if unknown.variable is not None
         }
-        through = {}
+        through: dict[str | None, tuple[list[str], list[str]]] = {}
         for output in self.names("output"):
-            on = declared.get(self.array_of(output) or output)
+            whole = self.array_of(output) or output
+            on = declared.get(whole)
             if on is None:
-                through[output] = inputs
-            else:
+                through.setdefault(None, ([], inputs))[0].append(output)
+                continue
+            if whole not in through:
                 names = [v.name for v in on if v.causality == "input" and v.name not in self.clocks]
-                through[output] = [element for name in names for element in self.arrays.get(name, [name])]
-        return through
+                through[whole] = [], [element for name in names for element in self.arrays.get(name, [name])]
+            through[whole][0].append(output)
+        return list(through.values())
 
     def array_of(self, name: str) -> str | None:
         """Return the array of FMI 3.0 of which a variable is an element, which is exchanged as a whole; else None."""
@@ -190,10 +195,17 @@ class FmuFile:
 
     def elements(self, name: str) -> list[str]:
         """List the elements of an array, row by row: one of FMI 3.0, or variables of FMI 2.0 named ``strain[1]`` etc."""
-        if name in self.arrays:
-            return self.arrays[name]
-        found = [v for v in self.variables if v.startswith(f"{name}[") and split_indices(v)[0] == name]
-        return sorted(found, key=lambda v: split_indices(v)[1])
+        return self.arrays[name] if name in self.arrays else self._indexed.get(name, [])
+
+    @cached_property
+    def _indexed(self) -> dict[str, list[str]]:
+        """Elements by the name of what looks like an array in FMI 2.0."""
+        found: dict[str, list[tuple[tuple[int, ...], str]]] = {}
+        for v in self.variables:
+            base, indices = split_indices(v)
+            if indices:
+                found.setdefault(base, []).append((indices, v))
+        return {base: [v for _, v in sorted(each, key=itemgetter(0))] for base, each in found.items()}
 
     def whole(self, names: Iterable[str]) -> list[str]:
         """List names with the other elements of their arrays of FMI 3.0, in the order of the model description."""

@@ -357,8 +357,8 @@ class Simulation:
         """Warn of bodies that are too light for the membrane whose extrapolated force they take."""
         for c in self.plan.connections:
             both = {c.sender: (*HELD, *MOVING), c.receiver: HUB}
-            there = {name: set(self.plan.component(name).fmu.variables) for name in both}
-            if c.input != "force[1]" or any(set(both[name]) - there[name] for name in both):
+            there = {name: self.plan.component(name).fmu.variables for name in both}
+            if c.input != "force[1]" or any(each not in there[name] for name in both for each in both[name]):
                 continue
             ports = [self.member(name).call().port(names) for name, names in both.items()]
             for name, port in zip(both, ports, strict=True):

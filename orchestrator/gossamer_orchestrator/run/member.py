@@ -29,16 +29,19 @@ logger = logging.getLogger(__name__)
 Wire = tuple[Connection, Channel | None]
 
 
-def needs_values(plan: ComponentPlan, instance: Instance, name: str) -> bool:
-    """Tell whether a connected input is set by value: no Real, in a partly connected array, or only in an event."""
-    variable, array = plan.fmu.variables[name], plan.fmu.array_of(name)
+def set_by_value(plan: ComponentPlan, instance: Instance) -> set[str]:
+    """Return which connected inputs are set by value: no Reals, in partly connected arrays, or only in an event."""
     events = instance.event_mode or plan.fmu.model_exchange
-    if variable.type != "Real" or (events and variable.variability == "discrete") or plan.fmu.clocks_of(name):
-        return True
-    return (
-        array is not None
-        and [c.input for c in plan.connections if plan.fmu.array_of(c.input) == array] != (plan.fmu.arrays[array])
-    )
+    found, of_arrays = set[str](), dict[str, list[str]]()
+    for name in (c.input for c in plan.connections):
+        variable, array = plan.fmu.variables[name], plan.fmu.array_of(name)
+        if variable.type != "Real" or (events and variable.variability == "discrete") or plan.fmu.clocks_of(name):
+            found.add(name)
+        if array is not None:
+            of_arrays.setdefault(array, []).append(name)
+    for array, names in of_arrays.items():
+        found.update(names if names != plan.fmu.arrays[array] else ())
+    return found
 
 
 class InputsOfType:
@@ -173,11 +176,12 @@ class Member:
         wires = [(c, None if c.is_plain else Channel(c)) for c in plan.connections]
         direct: list[Wire] = []
         by_type: dict[tuple[str, tuple[int, ...], bool], list[Wire]] = {}
+        by_value = set_by_value(plan, instance)
         for wire in wires:
             name = wire[0].input
             continuous = plan.fmu.model_exchange and plan.fmu.is_continuous(name)
             kind = plan.fmu.variables[name].type, plan.fmu.clocks_of(name), continuous
-            (by_type.setdefault(kind, []) if needs_values(plan, instance, name) else direct).append(wire)
+            (by_type.setdefault(kind, []) if name in by_value else direct).append(wire)
         self.inputs_by_type = [InputsOfType(plan, kind, instance, store, group) for (kind, *_), group in by_type.items()]
         self.outputs_by_type = [
             OutputsOfType(instance, names, store, store.places[plan.name, names[0]], sent=sent)

@@ -18,6 +18,7 @@ from .schema import Connection, Scenario
 from .source import Problems
 
 logger = logging.getLogger(__name__)
+_PAIRS = 10_000  # of inputs and outputs that depend on each other, up to which each is an edge of the graph
 
 
 @dataclass(frozen=True)
@@ -282,10 +283,15 @@ def _find_loop(files: Mapping[str, FmuFile], connections: Iterable[Connection]) 
     for c in connections:
         signals.setdefault((c.sender, c.output), []).append((c.receiver, c.input))
     for name, fmu in files.items():
-        for output, inputs in fmu.feedthrough().items():
+        for k, (outputs, inputs) in enumerate(fmu.feedthrough()):
+            ends = [(name, output) for output in outputs]
+            if len(inputs) * len(outputs) > _PAIRS:
+                hub = ("", f"{name} {k}")  # all go through one node
+                signals[hub], ends = ends, [hub]
             for source in inputs:
-                signals.setdefault((name, source), []).append((name, output))
-    return find_cycle(signals)
+                signals.setdefault((name, source), []).extend(ends)
+    loop = [node for node in find_cycle(signals)[1:] if node[0]]
+    return [*loop[-1:], *loop]
 
 
 def _check_stated_order(draft: Draft, order: list[str], feeds: Mapping[str, list[str]]) -> None:

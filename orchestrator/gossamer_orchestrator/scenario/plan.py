@@ -8,6 +8,7 @@ from __future__ import annotations
 import logging
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from gossamer_files import MIXED
@@ -16,7 +17,7 @@ from gossamer_files.options import option
 from ..errors import FmuError, ScenarioError, check_path, explain_file
 from ..fmi.file import FmuFile
 from ..fmi.types import NUMBERS, TEXTS
-from ..names import matches, split_indices, suggest
+from ..names import is_pattern, matches, split_indices, suggest
 from ..words import first_few
 from .connections import Draft, check_connections, check_groups, check_steps, join_exchange, order_components
 from .histories import FILE, History, read_histories
@@ -110,7 +111,11 @@ class Plan:
 
     def component(self, name: str) -> ComponentPlan:
         """Return a component by name."""
-        return next(c for c in self.components if c.name == name)
+        return self._by_name[name]
+
+    @cached_property
+    def _by_name(self) -> dict[str, ComponentPlan]:
+        return {c.name: c for c in self.components}
 
     def close(self) -> None:
         """Remove the unpacked FMUs."""
@@ -304,8 +309,11 @@ def _check_recording(draft: Draft, connected: set[str]) -> list[tuple[str, str]]
             logger.warning("results are numbers, so texts are not recorded: %s", ", ".join(texts))
         return [(c, v) for c, v, x in shown if x.type in NUMBERS]
     numbers = [(c, v) for c, v, x in every if x.type in NUMBERS]
+    names = {name for c, v in numbers for name in _names(c, v)}
+    wild = [pattern for pattern in patterns if is_pattern(pattern)]
+    plain = set(patterns) - set(wild)
     for i, pattern in enumerate(patterns):
-        if any(_fits(pattern, c, v) for c, v in numbers):
+        if any(_fits(pattern, c, v) for c, v in numbers) if is_pattern(pattern) else pattern in names:
             continue
         place: Location = ("record", "variables", i)
         component = pattern.split(".")[0]
@@ -317,10 +325,14 @@ def _check_recording(draft: Draft, connected: set[str]) -> list[tuple[str, str]]
         else:
             near = f"There is no component {component!r}. {suggest(component, files)}"
         problems.add(place, f"no variable to record matches {pattern!r}. {near}")
-    return [(c, v) for c, v in numbers if any(_fits(p, c, v) for p in patterns)]
+    return [(c, v) for c, v in numbers if _names(c, v) & plain or any(_fits(p, c, v) for p in wild)]
 
 
 def _fits(pattern: str, component: str, name: str) -> bool:
     """Tell whether a pattern fits a variable, or the array of which it is an element."""
-    base = split_indices(name)[0]
-    return matches(pattern, f"{component}.{name}") or (base != name and matches(pattern, f"{component}.{base}"))
+    return any(matches(pattern, each) for each in _names(component, name))
+
+
+def _names(component: str, name: str) -> set[str]:
+    """Return how a variable may be named: by itself, or by the array of which it is an element."""
+    return {f"{component}.{name}", f"{component}.{split_indices(name)[0]}"}

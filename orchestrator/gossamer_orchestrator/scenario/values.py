@@ -51,7 +51,7 @@ def start_values(draft: Draft, name: str, connected: set[str], fed: set[str]) ->
     settable = fmu.names("parameter", "structuralParameter")
     parameters = expand((*place, "parameters"), component.parameters, fmu, settable, "parameter", problems)
     for key in component.inputs:
-        if {f"{name}.{v}" for v in (key, *fmu.elements(key))} & connected:
+        if any(f"{name}.{v}" in connected for v in (key, *fmu.elements(key))):
             text = f"input '{name}.{key}' is connected and given a value. Remove one of the two."
             problems.add((*place, "inputs", key), text)
     inputs = expand((*place, "inputs"), component.inputs, fmu, fmu.names("input"), "input", problems)
@@ -76,11 +76,12 @@ def expand(
     An array is given whole, row by row. Refused values are returned too, so that they are not reported as missing.
     """
     values: dict[str, Any] = {}
+    there = set(candidates)
     for key, value in sorted(given.items(), key=lambda item: not is_pattern(item[0])):
-        found = [v for v in candidates if (matches(key, v) if is_pattern(key) else key == v)]
+        found = [v for v in candidates if matches(key, v)] if is_pattern(key) else [key] if key in there else []
         if isinstance(value, list):
             elements = [] if is_pattern(key) else fmu.elements(key)
-            found = [v for v in elements if v in set(candidates)]
+            found = [v for v in elements if v in there]
             each = _flat(value)
             if found and (complaint := _explain_shape(found, value, each)):
                 problems.add((*place, key), f"{kind} {key!r} of FMU {fmu.name!r} {complaint}")
