@@ -14,7 +14,7 @@ import shlex
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -22,7 +22,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 
 import cyclopts
 from gossamer_files import as_json, exit_code
-from gossamer_files.inputs import keep, keeping
+from gossamer_files.inputs import is_pipe, keep, keeping
 from gossamer_files.options import DASHES, STYLE, option
 from gossamer_orchestrator.errors import OrchestratorError
 
@@ -303,7 +303,10 @@ def _logging(verbose: bool, file: Path | None) -> Iterator[None]:
 
 def _open_log(file: Path) -> logging.Handler:
     try:
-        handler = logging.FileHandler(file, encoding="utf-8")
+        if is_pipe(file):
+            msg = "it is a pipe"
+            raise OSError(msg)
+        handler = _LogFile(file, encoding="utf-8")
         with file.open("rb") if file.is_file() else nullcontext() as there:
             begin = b"" if there is None else there.read(40)
         if not LOGGED.match(begin):
@@ -315,6 +318,21 @@ def _open_log(file: Path) -> logging.Handler:
         raise OrchestratorError(msg) from error
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
     return handler
+
+
+class _LogFile(logging.FileHandler):
+    """Append messages to a file; where it takes no more, say so once, and let the command go on."""
+
+    def handleError(self, record: logging.LogRecord) -> None:
+        if not isinstance(error := sys.exc_info()[1], OSError):
+            super().handleError(record)
+        elif self.level <= logging.CRITICAL:
+            self.setLevel(logging.CRITICAL + 1)
+            print(f"WARNING: {self.baseFilename} is not complete: {error.strerror}.", file=sys.stderr)
+
+    def close(self) -> None:
+        with suppress(OSError):
+            super().close()
 
 
 class _Stderr(logging.Handler):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import logging
+import os
 import re
 import time
 from dataclasses import dataclass
@@ -72,6 +73,22 @@ def test_a_log_file_is_appended_to_with_what_was_done_and_how_it_ended(run, call
     assert "11 communication points" in text
     assert "ScenarioError: there is no scenario file 'damagd'" in text
     assert "cannot write" in call("info", "x.fmu", "--log-file", tmp_path / "none" / "log.txt").stderr
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_a_log_whose_disk_is_full_is_said_once_and_takes_no_answer_away(run, tmp_path):
+    """It ended in one traceback per message, and the answer was not printed."""
+    result = run("--log-file", "/dev/full")
+    assert result.exit_code == 0
+    assert result.stderr.count("/dev/full is not complete: No space left on device.") == 1
+    assert "Traceback" not in result.stderr
+    assert str(tmp_path / "out/results.nc") in result.stdout
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="lays a pipe as POSIX has them")
+def test_a_log_that_is_a_pipe_is_refused_and_not_waited_for(call, tmp_path):
+    os.mkfifo(tmp_path / "log")
+    assert f"cannot write {tmp_path / 'log'}: it is a pipe." in call("info", "x.fmu", "--log-file", tmp_path / "log").stderr
 
 
 def test_verbose_says_what_is_done_and_leaves_the_loggers_as_they_were(run):
