@@ -144,8 +144,9 @@ class Instance:
 
     def _write(self, port: Port, failure: str = "refused its inputs") -> None:
         status = port.set_them(*port.arguments)
-        if status > WARNING:
+        if status:
             self._check(status, failure)
+            self._worry(status, "setting its inputs or parameters")
 
     def write(self, port: Port) -> None:
         """Set the inputs of a port, at any step."""
@@ -158,8 +159,9 @@ class Instance:
     def read(self, port: Port) -> None:
         """Get the variables of a port."""
         status = port.get_them(*port.arguments)
-        if status > WARNING:
+        if status:
             self._check(status, "did not return its outputs")
+            self._worry(status, "reading its outputs")
 
     def enter_event_mode(self) -> None:
         """Enter the mode in which inputs may jump."""
@@ -229,11 +231,11 @@ class Instance:
         self._check(status, "failed")
         return False
 
-    def _worry(self, status: int) -> None:
-        """Note that a step returned a warning, unless the FMU has said of what."""
+    def _worry(self, status: int, what: str = "its step") -> None:
+        """Note that a call returned a warning, unless the FMU has said of what."""
         if status == WARNING and not self._has_warned:
             self._has_warned = True
-            self.log.add(0, WARNING, b"", b"its step returned a warning without a message")
+            self.log.add(0, WARNING, b"", f"{what} returned a warning without a message".encode())
 
     def _has_ended(self, end: float) -> bool:
         """After a discarded step: tell whether the FMU has ended the simulation at the step's end [s], not before.
