@@ -17,6 +17,7 @@ from fmpy.fmi1 import FMICallException
 from numpy.typing import NDArray
 
 from ..errors import FmuError, SimulationError
+from ..words import brief
 from .file import FmuFile
 from .slave import DISCARD, ERROR, FATAL, WARNING, Log, is_python, start_slave
 from .types import Port, Value
@@ -115,7 +116,7 @@ class Instance:
     def set_start(self, values: Mapping[str, Value]) -> None:
         """Set parameters and inputs of any type by name."""
         for name, value in values.items():
-            self._write(self.port([name], self.fmu.variables[name].type).put([value]), f"refused {name!r} = {value!r}")
+            self._write(self.port([name], self.fmu.variables[name].type).put([value]), f"refused {name!r} = {brief(value)}")
 
     def differing(self, values: Mapping[str, Value]) -> dict[str, Value]:
         """Return what the FMU has in place of values that were set, by name, as far as they can be read and differ."""

@@ -7,6 +7,7 @@ import zipfile
 
 import pytest
 from gossamer_orchestrator import FmuFile, ScenarioError, make_plan, parse_scenario
+from gossamer_orchestrator.words import brief
 
 COUNT = 4000
 XML = """<?xml version="1.0" encoding="UTF-8"?>
@@ -97,3 +98,8 @@ def test_an_enumeration_with_gaps_takes_its_own_values_only(tmp_path):
         ScenarioError, match=r"'e' of FMU 'gaps' is none of -5 \(off\), 1 \(low\), 1000000 \(high\), but 3\."
     ):
         make_plan(parse_scenario(text % 3), tmp_path)
+
+
+def test_a_message_holds_the_ends_of_a_long_text_only():
+    assert brief("a name") == "'a name'"
+    assert brief(b"x" * 10_000_000) == f"b'{'x' * 98}...{'x' * 49}'"
