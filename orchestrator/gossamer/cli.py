@@ -31,7 +31,7 @@ from .arguments import COMMANDS, Argument, ArgumentError, declared
 from .results import Result, print_tables
 from .working import NO_TERMINAL, TERMINAL, stderr
 
-OURS = ("gossamer_models", "gossamer_fmus", "gossamer_orchestrator", "gossamer")  # loggers
+OURS = ("gossamer_files", "gossamer_models", "gossamer_fmus", "gossamer_orchestrator", "gossamer")  # loggers
 MORE = "Every command has its own help: gossamer run --help"
 ORDER = (  # of the commands in the help: that of work
     *("new", "build", "validate", "run", "export-ssp", "container", "sweep", "demo"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+LONGEST = 200  # characters of a value in a message
 MOST_DIGITS = 9  # behind the point
 SMALL = 1e-3  # values below it that are known to its square have a power of ten in common with their deviation
 
@@ -17,6 +18,12 @@ def counted(number: int, thing: str) -> str:
 def first_few(texts: Sequence[str], most: int = 4) -> str:
     """Return the first texts, and how many more there are."""
     return ", ".join(texts[:most]) + (f" and {len(texts) - most} more" if len(texts) > most else "")
+
+
+def brief(value: object) -> str:
+    """Return how Python writes a value, of a long text its two ends only."""
+    text = repr(value)
+    return text if len(text) <= LONGEST else f"{text[: LONGEST // 2]}...{text[-LONGEST // 4 :]}"
 
 
 def recorded(variables: int, scalars: int) -> str:

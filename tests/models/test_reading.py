@@ -1,5 +1,6 @@
 """Bad records: each is refused, or repaired by a stated rule, and the line is named."""
 
+import logging
 import re
 from pathlib import Path
 
@@ -147,3 +148,10 @@ def test_strain_that_is_noisier_than_the_output_makes_one_look_whether_they_are_
     found = read_record(write(tmp_path / "noisy.csv", rows=noisy))
     assert any("strain is noisier than the output" in text and "not swapped" in text for text in found.repairs)
     assert not read_record(write(tmp_path / "clean.csv")).repairs
+
+
+def test_a_long_table_says_how_far_it_was_read(tmp_path, caplog, monkeypatch):
+    monkeypatch.setattr("gossamer_files.measured.reader.TOLD", 15)
+    with caplog.at_level(logging.INFO):
+        read_record(write(tmp_path / "r.csv"))
+    assert caplog.messages == ["r.csv: 15 rows read", "r.csv: 30 rows read"]

@@ -10,6 +10,7 @@ r"""The one reader of measured tables: columns in SI with the line of every samp
 from __future__ import annotations
 
 import csv
+import logging
 import math
 from array import array
 from collections.abc import Callable
@@ -26,11 +27,13 @@ from .columns import DATE, ELONGATION, Column, read_units
 from .text import MISSING, Numbers, Table, open_table, rows_of, why_no_number
 
 Vector: TypeAlias = NDArray[np.float64]
+logger = logging.getLogger(__name__)
 
 DAY, MIDNIGHT = 86400.0, 3600.0  # [s]; how far apart two times of day on both sides of midnight may be
 LARGEST_RATIO = 1.0  # [1]; more strain, without a stated unit, may be in per cent; normalised strain reaches 1
 WHOLE_STEP = 1.0  # times without a unit that are whole numbers and at least this far apart may be s, ms or a count
 LONG_STEP = 5.0  # and so may any that are this far apart
+TOLD = 1_000_000  # rows, some seconds
 DELIMITERS = {";": "semicolons", "\t": "tabs", " ": "spaces"}
 
 
@@ -213,6 +216,8 @@ def read_columns(
                     columns = with_units
                     continue
                 lines.append(line)
+                if len(lines) % TOLD == 0:
+                    logger.info("%s: %d rows read", path.name, len(lines))
                 row += [""] * (width - len(row))
                 if text is not None:
                     texts.append(row[text].strip())

@@ -224,8 +224,14 @@ class FmuFile:
         for key, none in (("min", -math.inf), ("max", math.inf)):
             text = getattr(variable, key) or getattr(declared, key, None)
             limits.append(none if text is None else float(text))
-        items = [int(item.value) for item in getattr(declared, "items", []) if variable.type == "Enumeration"]
+        items = self.items(name)
         return (min(items), max(items)) if items else (limits[0], limits[1])
+
+    def items(self, name: str) -> dict[int, str]:
+        """Return the names of an enumeration's values; nothing of other variables."""
+        variable = self.variables[name]
+        declared = getattr(variable.declaredType, "items", []) if variable.type == "Enumeration" else []
+        return {int(item.value): item.name for item in declared}
 
     def resized(self, values: Mapping[str, object], *, validate: bool = True) -> FmuFile:
         """Return the FMU with arrays of the sizes that structural parameters among some values give them."""

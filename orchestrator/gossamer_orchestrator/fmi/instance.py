@@ -17,6 +17,7 @@ from fmpy.fmi1 import FMICallException
 from numpy.typing import NDArray
 
 from ..errors import FmuError, SimulationError
+from ..words import brief
 from .file import FmuFile
 from .slave import DISCARD, ERROR, FATAL, WARNING, Log, is_python, start_slave
 from .types import Port, Value
@@ -115,7 +116,7 @@ class Instance:
     def set_start(self, values: Mapping[str, Value]) -> None:
         """Set parameters and inputs of any type by name."""
         for name, value in values.items():
-            self._write(self.port([name], self.fmu.variables[name].type).put([value]), f"refused {name!r} = {value!r}")
+            self._write(self.port([name], self.fmu.variables[name].type).put([value]), f"refused {name!r} = {brief(value)}")
 
     def differing(self, values: Mapping[str, Value]) -> dict[str, Value]:
         """Return what the FMU has in place of values that were set, by name, as far as they can be read and differ."""
@@ -144,8 +145,9 @@ class Instance:
 
     def _write(self, port: Port, failure: str = "refused its inputs") -> None:
         status = port.set_them(*port.arguments)
-        if status > WARNING:
+        if status:
             self._check(status, failure)
+            self._worry(status, "setting its inputs or parameters")
 
     def write(self, port: Port) -> None:
         """Set the inputs of a port, at any step."""
@@ -158,8 +160,9 @@ class Instance:
     def read(self, port: Port) -> None:
         """Get the variables of a port."""
         status = port.get_them(*port.arguments)
-        if status > WARNING:
+        if status:
             self._check(status, "did not return its outputs")
+            self._worry(status, "reading its outputs")
 
     def enter_event_mode(self) -> None:
         """Enter the mode in which inputs may jump."""
@@ -229,11 +232,11 @@ class Instance:
         self._check(status, "failed")
         return False
 
-    def _worry(self, status: int) -> None:
-        """Note that a step returned a warning, unless the FMU has said of what."""
+    def _worry(self, status: int, what: str = "its step") -> None:
+        """Note that a call returned a warning, unless the FMU has said of what."""
         if status == WARNING and not self._has_warned:
             self._has_warned = True
-            self.log.add(0, WARNING, b"", b"its step returned a warning without a message")
+            self.log.add(0, WARNING, b"", f"{what} returned a warning without a message".encode())
 
     def _has_ended(self, end: float) -> bool:
         """After a discarded step: tell whether the FMU has ended the simulation at the step's end [s], not before.

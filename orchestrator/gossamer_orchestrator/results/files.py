@@ -137,7 +137,7 @@ def load_results(path: Path) -> xr.Dataset:
             json.loads(data.attrs.get(name) or "{}")
     except (OSError, ValueError, TypeError, LookupError, StopIteration) as error:
         reason = str(error).partition("\n")[0]  # what follows advises to install a library for other files
-        msg = f"cannot read results from {path}: {reason}. Run the scenario again."
+        msg = f"cannot read results from {path}: {reason.rstrip('.')}. Run the scenario again."
         raise ResultsError(msg) from error
     if (data.attrs.get("schema"), int(data.attrs.get("version", 0))) != (SCHEMA, VERSION):
         msg = (
@@ -294,8 +294,8 @@ class _Opened:
 
 def _load_csv(path: Path) -> xr.Dataset:
     with path.open(newline="", encoding="utf-8") as file:
-        header = next(csv.reader(file))
-    table = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
+        header = next(csv.reader(file))  # of more than one line, where a name has a line feed
+        table = np.loadtxt(file, delimiter=",", ndmin=2)
     columns = []
     for title in header[1:]:
         name, _, unit = title.removesuffix("]").rpartition(" [")

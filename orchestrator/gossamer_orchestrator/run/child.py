@@ -20,6 +20,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
 
+import numpy as np
 from gossamer_files import exit_code
 from gossamer_files.inputs import OverwriteError, check_outputs, keep, keeping
 
@@ -87,6 +88,7 @@ def work() -> None:
     control, reports = os.fdopen(os.dup(0), "rb"), os.dup(1)
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)  # what FMUs read and print is nothing of this
     os.dup2(2, 1)
+    np.seterr(invalid="ignore")  # what is not finite is said by ``FiniteCheck``
     lock, task = threading.Lock(), pickle.load(control)
 
     def report(**content: object) -> None:

@@ -19,7 +19,7 @@ from ..fmi.instance import Instance
 from ..mounts import HELD, HUB, MOVING, matrix, too_light, with_edge
 from ..scenario.connections import warn_of_apart
 from ..scenario.plan import Plan
-from ..words import first_few
+from ..words import brief, first_few
 from . import position as at
 from .joined import JoinedGroup
 from .member import Member, SlowMember
@@ -349,7 +349,7 @@ class Simulation:
         for receiver, values in self.plan.events.get(0, ()):
             stated |= values if receiver == member.name else {}
         if differing := member.instance.differing(stated):
-            few = first_few([f"{v} = {value!r} in place of {stated[v]!r}" for v, value in differing.items()])
+            few = first_few([f"{v} = {brief(value)} in place of {brief(stated[v])}" for v, value in differing.items()])
             text = "component %r does not keep what the scenario states: %s. It computes with its own; check it with %s"
             logger.warning(text, member.name, few, "'gossamer verify'")
 

@@ -308,29 +308,29 @@ def _check_recording(draft: Draft, connected: set[str]) -> list[tuple[str, str]]
         if texts := [f"{c}.{v}" for c, v, x in shown if x.type in TEXTS]:
             logger.warning("results are numbers, so texts are not recorded: %s", ", ".join(texts))
         return [(c, v) for c, v, x in shown if x.type in NUMBERS]
-    numbers = [(c, v) for c, v, x in every if x.type in NUMBERS]
-    names = {name for c, v in numbers for name in _names(c, v)}
+    numbers = [(c, v, _names(c, v)) for c, v, x in every if x.type in NUMBERS]
+    names = {name for *_, named in numbers for name in named}
     wild = [pattern for pattern in patterns if is_pattern(pattern)]
     plain = set(patterns) - set(wild)
     for i, pattern in enumerate(patterns):
-        if any(_fits(pattern, c, v) for c, v in numbers) if is_pattern(pattern) else pattern in names:
+        if any(_fits(pattern, named) for *_, named in numbers) if is_pattern(pattern) else pattern in names:
             continue
         place: Location = ("record", "variables", i)
         component = pattern.split(".")[0]
-        if text := next((f"{c}.{v}" for c, v, x in every if x.type in TEXTS and _fits(pattern, c, v)), None):
+        if text := next((f"{c}.{v}" for c, v, x in every if x.type in TEXTS and _fits(pattern, _names(c, v))), None):
             problems.add(place, f"{text!r} is a text, and results are numbers. Record something else.")
             continue
         if any(matches(component, c) for c in files):
-            near = suggest(pattern, [f"{c}.{v}" for c, v in numbers])
+            near = suggest(pattern, [f"{c}.{v}" for c, v, _ in numbers])
         else:
             near = f"There is no component {component!r}. {suggest(component, files)}"
         problems.add(place, f"no variable to record matches {pattern!r}. {near}")
-    return [(c, v) for c, v in numbers if _names(c, v) & plain or any(_fits(p, c, v) for p in wild)]
+    return [(c, v) for c, v, named in numbers if named & plain or any(_fits(p, named) for p in wild)]
 
 
-def _fits(pattern: str, component: str, name: str) -> bool:
+def _fits(pattern: str, names: set[str]) -> bool:
     """Tell whether a pattern fits a variable, or the array of which it is an element."""
-    return any(matches(pattern, each) for each in _names(component, name))
+    return any(matches(pattern, each) for each in names)
 
 
 def _names(component: str, name: str) -> set[str]:

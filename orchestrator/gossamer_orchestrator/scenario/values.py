@@ -22,6 +22,7 @@ from ..errors import ScenarioError, check_path
 from ..fmi.file import FmuFile
 from ..fmi.types import FLOATS, RANGES, parse
 from ..names import is_pattern, matches, split_endpoint, split_indices, suggest
+from ..words import first_few
 from .connections import Draft
 from .schema import Component, Given, Scenario, Value
 from .source import Location, Problems
@@ -164,7 +165,10 @@ def _explain_value(fmu: FmuFile, name: str, value: Any) -> str | None:  # noqa: 
         return f"is of type {kind} and cannot be smaller than {smallest:g}."
     low, high = fmu.limits(name)
     if low <= value <= high:
-        return None
+        items = fmu.items(name)
+        if not items or value in items:
+            return None
+        return f"is none of {first_few([f'{one} ({text})' for one, text in items.items()])}, but {value}."
     unit = "" if fmu.unit(name) in (None, "1") else f" {fmu.unit(name)}"
     return f"must lie in {low:g} to {high:g}{unit}, not {value:g}."
 

@@ -3,28 +3,35 @@
 from __future__ import annotations
 
 import ctypes
+import hashlib
 import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import partial
+from functools import cached_property, partial
+from itertools import groupby
+from operator import attrgetter
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, NamedTuple, ParamSpec, TypeAlias, TypeVar
 from xml.etree import ElementTree
 
 import fmpy
 import numpy as np
 from fmpy import fmi2
 from fmpy.fmi1 import FMICallException
+from numpy.typing import NDArray
 
 from ..fmi.file import interface, library_path
 from ..fmi.slave import DISCARD, FATAL, OK, Log, is_python, start_slave
+from ..fmi.types import TEXTS
 from ..processes import shared_memory
 
 P = ParamSpec("P")
 R = TypeVar("R")
 REALS = ("Real", "Float64", "Float32")
 STEPS = 100
+LONG = 1000  # characters of a text that is kept
+Vector: TypeAlias = NDArray[np.float64]
 Trajectory = list[list[Any]]  # outputs after each step
 
 
@@ -94,10 +101,10 @@ class Subject:
         self.parameters = [v for v in reals if v.causality == "parameter"]
         self.outputs = [v for v in self.variables if v.causality == "output"]
         experiment = self.description.defaultExperiment
-        start, stop, size = (getattr(experiment, key, None) for key in ("startTime", "stopTime", "stepSize"))
-        self.start = float(start or 0.0)
-        stop = float(stop) if stop is not None and float(stop) > self.start else None
-        self.size = float(size or (self.start + 1.0 if stop is None else stop - self.start) / STEPS)
+        start, stop, size = (_finite(experiment, key) for key in ("startTime", "stopTime", "stepSize"))
+        self.start = start or 0.0
+        stop = None if stop is None or stop <= self.start else stop
+        self.size = size if size and size > 0.0 else (self.start + 1.0 if stop is None else stop - self.start) / STEPS
         whole = STEPS if stop is None else max(int((stop - self.start) / self.size + 1e-6), 1)
         self.steps, self.ends = min(whole, STEPS), stop is not None
         self.fatal = False
@@ -106,6 +113,18 @@ class Subject:
         capabilities = ElementTree.parse(folder / "modelDescription.xml").find("CoSimulation")
         names = "providesDirectionalDerivative", "providesDirectionalDerivatives"  # FMPy reads the first, of FMI 2.0
         self.differentiates = any(capabilities.get(name) in ("true", "1") for name in names if capabilities is not None)
+
+    @cached_property
+    def swings(self) -> list[tuple[str, list[int], Vector, Range]]:
+        """Inputs of each type: their value references, a number for each element, and their values."""
+        found = []
+        for kind in REALS:
+            inputs = [(i, v, _range(v)) for i, v in enumerate(self.inputs) if v.type == kind]
+            if inputs:
+                numbers = np.concatenate([np.full(len(one.start), float(i)) for i, _, one in inputs])
+                values = Range(*map(np.concatenate, zip(*(one for *_, one in inputs), strict=True)))
+                found.append((kind, [v.valueReference for _, v, _ in inputs], numbers, values))
+        return found
 
     @property
     def half(self) -> int:
@@ -159,13 +178,13 @@ class InstanceUnderTest:
         inside()
         self.slave.exitInitializationMode()
 
-    def get(self, variable: Any) -> list[Any]:  # noqa: ANN401
-        """Read one variable of any type."""
-        two = self.subject.version == 2
+    def get(self, *variables: Any) -> list[Any]:  # noqa: ANN401
+        """Read one variable of any type, or several of the same."""
+        two, kind = self.subject.version == 2, variables[0].type
         integer = "Integer" if two else "Int64"
-        get = getattr(self.slave, f"get{integer if variable.type == 'Enumeration' else variable.type}")
-        count = [] if two else [length(variable)]
-        return list(get([variable.valueReference], *count))
+        get = getattr(self.slave, f"get{integer if kind == 'Enumeration' else kind}")
+        count = [] if two else [sum(map(length, variables))]
+        return [_short(value) for value in get([v.valueReference for v in variables], *count)]
 
     def set(self, variable: Any, values: Sequence[float]) -> None:  # noqa: ANN401
         """Set one Real variable."""
@@ -173,7 +192,11 @@ class InstanceUnderTest:
 
     def read(self, variables: Iterable[Any]) -> list[Any]:
         """Read several variables."""
-        return [value for variable in variables for value in self.get(variable)]
+        values = []
+        for kind, alike in groupby(variables, attrgetter("type")):
+            for some in [list(alike)] if kind not in TEXTS else ([one] for one in alike):
+                values += self.get(*some)
+        return values
 
     def not_finite(self) -> list[str]:
         """Return the names of the Real outputs that are not finite."""
@@ -220,8 +243,9 @@ class InstanceUnderTest:
         for k in range(begin, end):
             if self.ended:
                 break
-            for i, variable in enumerate(self.subject.inputs):
-                self.set(variable, swing(variable, math.sin(0.3 * k + i + phase)))
+            for kind, references, numbers, values in self.subject.swings:
+                moved = values.moved(np.sin(0.3 * k + numbers + phase))
+                getattr(self.slave, f"set{kind}")(references, moved)
             self.step(k)
             trajectory.append(self.read(self.subject.outputs))
         return trajectory
@@ -271,12 +295,46 @@ def length(variable: Any) -> int:  # noqa: ANN401
     return int(np.prod(variable.shape)) if variable.shape else 1
 
 
+class Range(NamedTuple):
+    """Start values of Real variables, by how much they are to change, and their limits; an item each for every element."""
+
+    start: Vector
+    size: Vector
+    low: Vector
+    high: Vector
+
+    def moved(self, by: float | Vector) -> list[float]:
+        """Return values near the start values and within the limits, for ``by`` from -1 to 1."""
+        change = self.size * by
+        inside = (self.low <= self.start + change) & (self.start + change <= self.high)
+        moved: list[float] = np.where(inside, self.start + change, self.start - change).tolist()
+        return moved
+
+
 def swing(variable: Any, by: float) -> list[float]:  # noqa: ANN401
     """Return values near the start values of a Real variable and in its range, for ``by`` from -1 to 1."""
+    return _range(variable).moved(by)
+
+
+def _range(variable: Any) -> Range:  # noqa: ANN401
     texts = str(variable.start if variable.start is not None else 0.0).split()
     start = [float(text) for text in (texts if len(texts) == length(variable) else texts[:1] * length(variable))]
     low = -math.inf if variable.min is None else float(variable.min)
     high = math.inf if variable.max is None else float(variable.max)
     nominal = 1.0 if variable.nominal is None else float(variable.nominal)
-    change = 0.01 * min(abs(nominal), high - low) * by
-    return [value + change if low <= value + change <= high else value - change for value in start]
+    alike = np.ones(len(start))
+    return Range(np.array(start), 0.01 * min(abs(nominal), high - low) * alike, low * alike, high * alike)
+
+
+def _finite(experiment: Any, key: str) -> float | None:  # noqa: ANN401
+    """Return a number [s] of a default experiment; None if it is not there or not finite."""
+    text = getattr(experiment, key, None)
+    return float(text) if text is not None and math.isfinite(float(text)) else None
+
+
+def _short(value: Any) -> Any:  # noqa: ANN401
+    """Return a value, or what tells a long text from others: outputs of every step are kept."""
+    if not isinstance(value, str | bytes) or len(value) <= LONG:
+        return value
+    data = value.encode() if isinstance(value, str) else value
+    return f"{len(value)} characters, SHA-256 {hashlib.sha256(data).hexdigest()}"

@@ -1,11 +1,13 @@
-"""FMUs of thousands of variables: a plan takes a time that grows with their number, not with its square."""
+"""FMUs of thousands of variables: a plan takes a time that grows with their number, not with its square; and odd types."""
 
 from __future__ import annotations
 
 import time
 import zipfile
 
-from gossamer_orchestrator import FmuFile, make_plan, parse_scenario
+import pytest
+from gossamer_orchestrator import FmuFile, ScenarioError, make_plan, parse_scenario
+from gossamer_orchestrator.words import brief
 
 COUNT = 4000
 XML = """<?xml version="1.0" encoding="UTF-8"?>
@@ -17,6 +19,20 @@ XML = """<?xml version="1.0" encoding="UTF-8"?>
 """
 ONE = '<ScalarVariable name="{name}" valueReference="{k}" causality="{causality}"{more}><Real{start}/></ScalarVariable>'
 START = ' start="0"'
+
+
+GAPS = """<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="2.0" modelName="gaps" guid="gaps">
+  <CoSimulation modelIdentifier="gaps"/>
+  <TypeDefinitions><SimpleType name="E"><Enumeration>
+    <Item name="off" value="-5"/><Item name="low" value="1"/><Item name="high" value="1000000"/>
+  </Enumeration></SimpleType></TypeDefinitions>
+  <ModelVariables><ScalarVariable name="e" valueReference="0" causality="parameter" variability="tunable">
+    <Enumeration declaredType="E" start="1"/>
+  </ScalarVariable></ModelVariables>
+  <ModelStructure/>
+</fmiModelDescription>
+"""
 
 
 def large(path, **names):
@@ -71,3 +87,19 @@ def test_elements_are_found_by_the_name_of_their_array(tmp_path):
     assert fmu.elements("y") == [f"y[{k}]" for k in range(1, COUNT + 1)]
     assert fmu.elements("a.u")[-1] == f"a.u[1,{COUNT}]"
     assert fmu.elements("a") == fmu.elements("y[1]") == []
+
+
+def test_an_enumeration_with_gaps_takes_its_own_values_only(tmp_path):
+    with zipfile.ZipFile(tmp_path / "gaps.fmu", "w") as archive:
+        archive.writestr("modelDescription.xml", GAPS)
+    text = 'step = 0.1\nstop = 1.0\n[components.a]\nfmu = "gaps"\nparameters = { e = %d }\n'
+    assert make_plan(parse_scenario(text % 1000000), tmp_path).component("a").start == {"e": 1000000}
+    with pytest.raises(
+        ScenarioError, match=r"'e' of FMU 'gaps' is none of -5 \(off\), 1 \(low\), 1000000 \(high\), but 3\."
+    ):
+        make_plan(parse_scenario(text % 3), tmp_path)
+
+
+def test_a_message_holds_the_ends_of_a_long_text_only():
+    assert brief("a name") == "'a name'"
+    assert brief(b"x" * 10_000_000) == f"b'{'x' * 98}...{'x' * 49}'"

@@ -98,6 +98,14 @@ def test_a_damaged_file_is_refused_or_read_whatever_byte_is_wrong(tmp_path):
         load_results(path)
 
 
+def test_a_name_with_a_line_feed_is_read_from_a_table_again(tmp_path):
+    columns = [RecordedScalar("a.x\ny", "m", "", ""), RecordedScalar('a."z", w', "1", "", "")]
+    save_csv(arrange(np.arange(3.0), np.ones((3, 2)), columns), tmp_path)
+    found = load_results(tmp_path / "results.csv")
+    assert list(found.data_vars) == ["a.x\ny", 'a."z", w']
+    assert found["time"].values.tolist() == [0.0, 1.0, 2.0]
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="of /proc")
 def test_results_that_stay_on_the_disk_take_memory_for_a_part_of_them_only(tmp_path):
     header, layout = make_file(scalars(6), {"schema": "gossamer.results", "version": 1, "step": 0.1})

@@ -268,6 +268,22 @@ def test_a_step_that_returns_a_warning_without_a_word_is_told_once(fmus, caplog)
     assert record.getMessage() == "component 'i' at t = 0.5 s: its step returned a warning without a message"
 
 
+@pytest.mark.parametrize(
+    ("call", "what"), [("get_them", "reading its outputs"), ("set_them", "setting its inputs or parameters")]
+)
+def test_other_calls_that_return_a_warning_without_a_word_are_told_once_too(fmus, caplog, call, what):
+    text = 'step = 0.125\nstop = 1.0\n[components.a]\nfmu = "clock"\ninputs = { u = 0.0 }\n'
+    text += '[components.i]\nfmu = "integrator"\n[[connections]]\nfrom = "a.begin"\nto = "i.u"\n'
+    with Simulation(make_plan(parse_scenario(text), fmus)) as simulation:
+        member = simulation.members[1]
+        for port in (member.outputs, member.sent, member.inputs):
+            setattr(port, call, lambda *_: 1)
+        simulation.run()
+    assert [record.getMessage() for record in caplog.records] == [
+        f"component 'i' at t = 0 s: {what} returned a warning without a message"
+    ]
+
+
 @pytest.mark.parametrize("master", ["gauss-seidel", "jacobi"])
 def test_the_last_point_and_the_ends_of_windows_are_recorded_with_all_variables(fmus, master):
     text = (

@@ -61,6 +61,15 @@ def test_one_that_refuses_to_go_on_after_its_stop_time_has_no_failure(odd):
     assert findings["steps"].why.startswith("50 steps of 0.01 s")
 
 
+@pytest.mark.parametrize(
+    ("experiment", "step"),
+    [('stepSize="0"', 0.01), ('stopTime="2" stepSize="-1"', 0.02), ('stopTime="INF" stepSize="INF"', 0.01)],
+)
+def test_a_default_experiment_that_means_nothing_is_left_out(odd, experiment, step):
+    findings = odd("steps", experiment=experiment)
+    assert findings["steps"].why == f"100 steps of {step:g} s with start values, outputs finite."
+
+
 def test_a_discarded_step_without_an_end_is_a_failure_with_one_full_stop(odd):
     findings = odd("steps", "reset", step="if (time > 0.3) return fmi2Discard;")
     assert findings["steps"].why == "Step 31 of 0.01 s is discarded."
