@@ -47,6 +47,13 @@ def pytest_collection_modifyitems(items):
     items.sort(key=lambda item: LONG.index(item.path.stem) if item.path.stem in LONG else len(LONG))
 
 
+def pytest_terminal_summary(terminalreporter):
+    """Print how often each command was killed or interrupted, and how often that hit a live process."""
+    for report in terminalreporter.getreports("passed"):
+        for value in (value for name, value in report.user_properties if name == "kills" and report.when == "call"):
+            terminalreporter.line(f"{report.nodeid.split('::')[1]}: {value}")
+
+
 @pytest.fixture(scope="session")
 def kills(request):
     """How often each command is killed; None for as often as its test finds enough."""

@@ -5,6 +5,7 @@ From the folder ``docs``::
     python -m studies.on_board [RECORDS [SEED]]    a line for each of some worlds of studies.watch, damaged and healthy
     python -m studies.on_board drift [WINDOWS]     alarms where nothing happens but that the clock is off
     python -m studies.on_board count [STREAMS]     alarms of normal noise, whose sums over a window are drawn at once
+    python -m studies.on_board finer [SETUP]       damage of three zones of a setup that ships, computed with finer elements
 
 Records are of the bilinear square. They last 40 of its first periods; damage begins in the 29th. The watch on board begins
 when the response has settled, after twelve.
@@ -18,11 +19,14 @@ import casadi as ca
 import numpy as np
 from gossamer_models.membrane import square_structure
 from gossamer_models.twin import MembraneForward, Watch
+from gossamer_models.twin.forward import finer_of
 from gossamer_models.twin.on_board import LAGS, LEARNING, StoredWindows, watch_model
 from gossamer_models.twin.settled import StoredResponses, stored_responses
+from gossamer_models.twin.simulation import Place, SensedForward
 from gossamer_models.variables import pack, unpack
 from numpy.typing import NDArray
 
+from .structures import shipped
 from .twin import BILINEAR
 from .watch import HEALTHY, THESIS, WORLDS
 
@@ -33,6 +37,8 @@ GROUND = 169  # samples of a window on the ground
 DRIFTS = (0.0, 2e-5, 1e-4)  # of the clock
 CHUNK = 2100  # samples that are watched at once: of all those of a long record the states alone are gigabytes
 WINDOWS = 1000  # that are counted of each stream
+FINER, DEPTH = 5e-4, 0.2  # noise, and damage, of records of a finer mesh
+LOADS = (1.03, 0.97, 1.0)  # of each of them, over that of the setup
 
 
 def board_alarm(stored: StoredResponses, strain: Array, noise: float) -> int | None:
@@ -136,10 +142,41 @@ def count_alarms(stored: StoredResponses, streams: int) -> str:
     return f"{alarms} alarms in {total} windows: at most {bound:.1e} (95 %); largest score {largest:.2f} of the threshold"
 
 
+def on_finer_elements(name: str) -> list[str]:
+    """Watch strain that finer elements than those of the stored responses have; return a line for each of some zones."""
+    structure, random = shipped(name), np.random.default_rng(7)
+    own, stored = MembraneForward(structure), stored_responses(structure)
+    finer = finer_of(own)
+    assert finer is not None
+    h, N, zones = stored.step, stored.healthy.shape[1], len(stored.zones)
+    n = N // stored.windows
+    damaged = random.choice(zones, len(LOADS), replace=False)
+    settles = round(10.0 / own.parameters["mass_damping"] / h) // N * N
+    onset = (stored.windows + LEARNING + 20) * n  # samples after that
+    sensed, given = SensedForward(finer), own.parameters["pressure_amplitude"] * np.array(LOADS)
+    place = Place.joined([sensed.begin(np.zeros(zones), {"pressure_amplitude": load}, h) for load in given])
+    parts = []
+    for at in np.split(np.arange(settles + onset + 16 * n), np.arange(CHUNK, settles + onset + 16 * n, CHUNK)):
+        damage = np.zeros((len(LOADS), at.size, zones))
+        damage[np.arange(len(LOADS))[:, None], :, damaged[:, None]] = DEPTH * (at >= settles + onset)
+        found, _, place = sensed.advance(place, damage, {}, h)
+        parts.append(found)
+    strain = np.concatenate(parts, axis=2)[:, :, settles:]
+    lines = []
+    for zone, load, each in zip(damaged, LOADS, strain, strict=True):
+        alarm = board_alarm(stored, each + FINER * random.standard_normal(each.shape), FINER)
+        said = "no alarm" if alarm is None else f"an alarm {1e3 * h * (alarm - onset):.0f} ms after its damage of {DEPTH:g}"
+        lines.append(f"{name}, {stored.zones[zone]}, load {load:g} of the setup's: {said}; a window is {1e3 * h * n:.0f} ms")
+    return lines
+
+
 def main() -> None:
     """Print the lines."""
-    stored = stored_responses(square_structure(*BILINEAR), exact_mesh=True)
     words = sys.argv[1:]
+    if words[:1] == ["finer"]:
+        print(*on_finer_elements([*words, "tube"][1]), sep="\n")
+        return
+    stored = stored_responses(square_structure(*BILINEAR), exact_mesh=True)
     if words[:1] == ["count"]:
         print(count_alarms(stored, int([*words, "1000"][1])))
     elif words[:1] == ["drift"]:

@@ -189,7 +189,7 @@ def build_models(
         list(pool.map(compile_one, product(platforms, fmus)))
     paths = {name: folder / f"{name}.fmu" for name in fmus}
     mark = folder / MIXED
-    with uninterrupted():
+    with uninterrupted(folder):
         with ExitStack() as set_of_all:  # they take their places together, or none does
             unfinished = {name: set_of_all.enter_context(replacing(path)) for name, path in paths.items()}
             for name, members in fmus.items():
@@ -197,7 +197,7 @@ def build_models(
                 write_archive(unfinished[name], dict(ordered))
             earlier = mark.read_text(encoding="utf-8").split() if mark.is_file() else []
             mark.write_text("\n".join(sorted({*earlier, *paths})), encoding="utf-8")
-        mark.unlink()
+        mark.unlink(missing_ok=True)
         if left := sorted({*earlier} - {*paths}):
             mark.write_text("\n".join(left), encoding="utf-8")
     return paths

@@ -34,7 +34,8 @@ MODELS: dict[str, Callable[..., StepModel]] = {
 NAMES = tuple(MODELS)
 CHAIN = ("membrane", "sensor", "compensator", "estimator", "filter", "detector")  # those of the monitoring chain
 _MEMBRANES = ("membrane", "framed_membrane")
-_SENSORS = ("sensor", "compensator", "estimator", "filter")
+_COMPENSATORS = ("compensator", "estimator", "filter")
+_SENSORS = ("sensor", *_COMPENSATORS)
 
 # The FMUs that have an option, and what the refusal says of another.
 _OPTIONS = {
@@ -44,6 +45,7 @@ _OPTIONS = {
     "order": (_MEMBRANES, "has no mesh. Name a membrane alone to choose the order of its elements."),
     "law": (_MEMBRANES, "has no law of a material. Name a membrane alone to choose it."),
     "structure": ((*_MEMBRANES, "detector"), "is not built from a mesh. Name a membrane alone with a setup."),
+    "ageing": (_COMPENSATORS, "follows no gain and offset. Name one of those that do: {}."),
 }
 _SCALES = "resistance at rest [ohm], its rise to full scale [ohm] and full scale [1], for instance 1000,150,0.2."
 
@@ -64,6 +66,8 @@ class ModelOptions(TypedDict, total=False):
         Law of the membrane's material, one of ``gossamer_models.membrane.LAWS``.
     structure : Structure
         Membrane on a mesh in place of the square one; that which the detector should be trained for.
+    ageing : bool
+        Whether a compensator follows gain and offset of its sensor, as it does by default.
     """
 
     artifact: Path | None
@@ -72,6 +76,7 @@ class ModelOptions(TypedDict, total=False):
     order: int | None
     law: str | None
     structure: Structure | None
+    ageing: bool | None
 
 
 def fmu_folder(name: str) -> Path:
@@ -131,15 +136,16 @@ def make_model(name: str, *, compiled: bool = False, **options: Unpack[ModelOpti
         if (structure := given.get("structure")) is not None:
             trained.require_structure(structure, str(artifact or "nominal"))
         return posterior_model(trained) if isinstance(trained, PosteriorArtifact) else detector_model(trained)
+    model = partial(MODELS[name], ageing=given["ageing"]) if "ageing" in given else MODELS[name]
     if artifact is None:
         sensor = () if scales is None else (replace(default_artifact(), scales=_scales(scales)),)
-        return MODELS[name](*sensor)
+        return model(*sensor)
     from gossamer_models import fractional  # slow to import, and rarely needed
 
     if artifact_schema(artifact) != fractional.SCHEMA:
         identified = _with_scales(artifact, scales)
         _warn_of_defaults(name, artifact, identified)
-        return MODELS[name](identified)
+        return model(identified)
     if scales is not None:
         msg = f"{artifact} holds a fractional model, which has its own scales. Leave {option('scales')} out."
         raise ParameterError(msg)

@@ -23,9 +23,10 @@ from .errors import DataError as DataError
 from .errors import GossamerError as GossamerError
 from .errors import NotFiniteError as NotFiniteError
 from .errors import exit_code as exit_code
-from .inputs import check_outputs, is_pipe
+from .inputs import check_outputs, followed, is_pipe
 
 STALE = 3600.0  # [s] without a change: its writer was killed
+PATIENCE = 100  # tries, ten a second, to be alone in a folder
 
 
 MIXED = ".unfinished_build"  # in a folder of FMUs: names of those that a killed build may have left mixed
@@ -62,7 +63,7 @@ def replacing(path: Path) -> Iterator[Path]:
         The command under way reads it.
     """
     check_outputs([path])
-    target = path.resolve()
+    target = followed(path)
     if target.exists() and not target.is_file():  # a device, or a folder, which then refuses
         yield target
         return
@@ -73,12 +74,16 @@ def replacing(path: Path) -> Iterator[Path]:
         with suppress(FileNotFoundError):  # another process removes it, too
             if time.time() - left.stat().st_mtime > STALE:
                 left.unlink()
-    unfinished = target.with_name(f".{target.stem}.{os.urandom(4).hex()}.unfinished{target.suffix}")
+    unfinished = target.with_name(f".{_short(target)}.{os.urandom(4).hex()}.unfinished{target.suffix}")
     try:
         yield unfinished
         with unfinished.open("rb+") as file:
             os.fsync(file.fileno())
         unfinished.replace(target)
+    except OSError as error:
+        if error.filename == str(unfinished):
+            error.filename = str(path)
+        raise
     finally:
         unfinished.unlink(missing_ok=True)
 
@@ -93,8 +98,41 @@ def ending_signals() -> list[signal.Signals]:
 
 
 @contextmanager
-def uninterrupted() -> Iterator[None]:
-    """Let a signal that asks for the end wait for that of the ``with`` block: several files change together in it."""
+def uninterrupted(folder: Path) -> Iterator[None]:
+    """Let a signal that asks for the end wait for that of the ``with`` block: files of a folder change together in it.
+
+    Another command that changes this folder waits too, where file systems have locks, but not for ever.
+    """
+    with _locked(folder), _holding_signals():
+        yield
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        yield
+        return
+    folder.mkdir(parents=True, exist_ok=True)
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        for _ in range(PATIENCE):
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                time.sleep(0.1)
+            except OSError:  # without locks
+                break
+            else:
+                break
+        yield
+    finally:
+        os.close(handle)
+
+
+@contextmanager
+def _holding_signals() -> Iterator[None]:
     held: list[tuple[int, FrameType | None]] = []
     numbers = ending_signals() if threading.current_thread() is threading.main_thread() else []
     handlers = {number: handler for number in numbers if callable(handler := signal.getsignal(number))}
@@ -167,7 +205,12 @@ def read_json(path: Path) -> Any:  # noqa: ANN401
 
 def unfinished_of(path: Path) -> list[Path]:
     """List what writers of a file are writing, or had written when they were killed."""
-    return list(path.parent.glob(f".{escape(path.stem)}.*.unfinished{escape(path.suffix)}"))
+    return list(path.parent.glob(f".{escape(_short(path))}.*.unfinished{escape(path.suffix)}"))
+
+
+def _short(path: Path) -> str:
+    """Return the stem of a file, cut so that a name with 22 bytes more is no longer than file systems take."""
+    return os.fsdecode(os.fsencode(path.stem)[: 233 - len(os.fsencode(path.suffix))])
 
 
 def reason(error: Exception) -> str:

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from os import PathLike
+from os.path import realpath
 from pathlib import Path
 
 from .errors import GossamerError
@@ -46,6 +47,11 @@ def keep(*paths: AnyPath) -> None:
         }
 
 
+def followed(path: AnyPath) -> Path:
+    """Return what a path names, absolute and without links; of links in a circle, which opening refuses, one of them."""
+    return Path(realpath(path))
+
+
 def is_pipe(path: AnyPath) -> bool:
     """Tell whether a path is a pipe with a name, which waits for whoever writes into it, maybe for ever.
 
@@ -77,7 +83,7 @@ def check_outputs(outputs: Iterable[AnyPath | None]) -> None:
     """
     read = _read.get() or {}
     for output in [Path(each) for each in outputs if each is not None] if read else ():
-        for place in (output, *output.resolve().parents):
+        for place in (output, *followed(output).parents):
             if given := read.get(_number(place) or (0, 0)):
                 msg = f"{output} would overwrite {given}, which is an input. Name another place with {option('out')}."
                 raise OverwriteError(msg)

@@ -54,17 +54,22 @@ PATIENCE = 6  # iterations in which the error must fall by a tenth
 
 
 def phi_1(x: ca.MX) -> ca.MX:
-    r"""Return :math:`\varphi_1(x) = (1 - e^{-x})/x` for x > 0 without cancellation."""
-    return -ca.expm1(-x) / x
+    r"""Return :math:`\varphi_1(x) = (1 - e^{-x})/x` for x > 0: a series where the difference would cancel."""
+    small = ca.fmin(x, SERIES_BELOW)
+    return ca.if_else(x < SERIES_BELOW, 1.0 - 0.5 * small * _series(small), (1.0 - ca.exp(-x)) / x)
 
 
 def phi_2(x: ca.MX) -> ca.MX:
     r"""Return :math:`\varphi_2(x) = (x - 1 + e^{-x})/x^2` for x > 0: a series where the difference would cancel."""
-    small = ca.fmin(x, SERIES_BELOW)
+    return ca.if_else(x < SERIES_BELOW, 0.5 * _series(ca.fmin(x, SERIES_BELOW)), (1.0 - phi_1(x)) / x)
+
+
+def _series(x: ca.MX) -> ca.MX:
+    r"""Return :math:`2 \varphi_2(x)` for small x."""
     series = 1.0
     for k in reversed(range(SERIES_TERMS - 1)):
-        series = 1.0 - small / (k + 3) * series
-    return ca.if_else(x < SERIES_BELOW, 0.5 * series, (1.0 - phi_1(x)) / x)
+        series = 1.0 - x / (k + 3) * series
+    return series
 
 
 def responses(

@@ -194,5 +194,10 @@ def select(condition: ca.MX, yes: State, no: State) -> State:
     return column
 
 
+def modulo(x: ca.MX, n: float) -> ca.MX:
+    """Return what a whole number is above a multiple of n, from 0 to n - 1: exact, without the loop of ``fmod``."""
+    return x - n * ca.floor(x / n)
+
+
 def _array(variable: Variable) -> str:
     return variable.name.partition("[")[0]

@@ -16,7 +16,7 @@ from gossamer_files import ending_signals
 
 INTERRUPTED = 130  # exit code
 LATER = 0.003  # [s]
-LOST = 60.0  # [s] after which a command that goes on is interrupted once more: destructors pass over exceptions
+LOST = 60.0  # [s] after which a command that goes on is interrupted once more: C may pass over exceptions
 
 
 def interrupt(number: int, frame: FrameType | None) -> None:
@@ -30,6 +30,14 @@ def interrupt(number: int, frame: FrameType | None) -> None:
     if number in ending_signals():  # not by the clock
         interrupt_in(LOST)
     signal.default_int_handler(number, frame)
+
+
+def passed_over(what: "sys.UnraisableHookArgs") -> None:
+    """Interrupt again where Python passes over exceptions, as in destructors, and say nothing; others are said."""
+    if isinstance(what.exc_value, KeyboardInterrupt):
+        interrupt_in(LATER)
+    else:
+        sys.__unraisablehook__(what)
 
 
 def interrupt_in(seconds: float) -> None:
@@ -77,6 +85,7 @@ def open_streams() -> None:
 def main() -> None:
     """Run the command line; exit with its code."""
     open_streams()
+    sys.unraisablehook = passed_over
     numbers = ending_signals()
     for number in numbers:
         signal.signal(number, interrupt)

@@ -10,6 +10,7 @@ from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
+from gossamer_files.inputs import followed
 from gossamer_files.options import option
 from gossamer_models import campaign
 from gossamer_models.campaign import CampaignPlan
@@ -129,7 +130,7 @@ def load_campaign(path: Path) -> tuple[CampaignPlan, Source]:
 
     found, source = read_description(path, "campaign", CampaignPlan, OF_A_CAMPAIGN, complete)
     if found.chain is not None and found.chain.artifact is not None:
-        found = replace(found, chain=replace(found.chain, artifact=str((path.parent / found.chain.artifact).resolve())))
+        found = replace(found, chain=replace(found.chain, artifact=str(followed(path.parent / found.chain.artifact))))
     return found, source
 
 
@@ -137,7 +138,7 @@ def setup_of(setup: AnyPath, mesh: AnyPath | None = None) -> Setup:
     """Read and check a setup, see ``load_structure``; its ``mesh`` is the whole path of the file."""
     path = find_scenario(str(setup), "membrane")
     found = load_structure(path, mesh).setup
-    return replace(found, mesh=str(Path(mesh or path.parent / found.mesh).resolve()))
+    return replace(found, mesh=str(followed(mesh or path.parent / found.mesh)))
 
 
 def load_structure(setup: AnyPath, mesh: AnyPath | None = None, *, expose: bool = False) -> Structure:

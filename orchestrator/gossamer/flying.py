@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from gossamer_files import replacing, uninterrupted, write_text
 from gossamer_files.inputs import check_outputs
 from gossamer_files.options import option
 from gossamer_files.tables import TableText
@@ -14,6 +16,7 @@ from gossamer_orchestrator.errors import require
 
 from .arguments import AnyPath, File, Folder, NotNegative, Scales, command
 from .results import Saved
+from .working import progress_bar
 
 if TYPE_CHECKING:
     from gossamer_models import StepModel
@@ -86,6 +89,7 @@ def flight(
     scales: Scales | None = None,
     setup: File | None = None,
     noise: NotNegative | None = None,
+    ageing: bool = True,
     float: Literal[64, 32] = 64,
     measure: bool = False,
     hil: bool = False,
@@ -112,6 +116,9 @@ def flight(
         Of the membrane that a watch is for, with its built-in pressure; the square of the thesis by default.
     noise
         Standard deviation of the strain that a watch reads [1]; 0.001 by default.
+    ageing
+        Let a compensator follow gain and offset of its sensor wherever the strain is known; the exact inverse alone needs
+        half the RAM.
     float
         Bits of its numbers.
     measure
@@ -148,29 +155,32 @@ def flight(
         require_tools("budgets need" if measure else "a processor in the loop needs")
     folder = Path(out)
     given: dict[str, Any] = {"artifact": None if artifact is None else Path(artifact), "scales": scales}
-    of_watch, others = {"setup": setup, "noise": noise}, {"artifact": artifact, "scales": scales}
+    own = given if ageing else given | {"ageing": False}
+    of_watch = {"setup": setup, "noise": noise}
+    others = {"artifact": artifact, "scales": scales, "ageing": None if ageing else ageing}
     for name, value in (others if kind == "watch" else of_watch).items():
-        require(value is None, f"{option(name)} has no meaning for a {kind}. Leave it out.")
+        require(value is None, f"{option(name, None if value else value)} has no meaning for a {kind}. Leave it out.")
     require(noise is None or noise > 0.0, "--noise is what a watch compares with: it must be larger than 0.")
     if kind == "watch":
         model, vectors, golden, period = _watch(setup, DEFAULT_NOISE if noise is None else noise)
     else:
-        model, period = make_model(kind, **given), PERIOD
+        model, period = make_model(kind, **own), PERIOD
         vectors, golden = golden_vectors(model, None if kind == "detector" else make_model("sensor", **given))
     files = flight_files(model, kind, vectors, golden, float, period)
     if framework is not None:
-        own = {name: files[name] for name in (f"{kind}.c", f"{kind}.h", f"{kind}_math.h", f"{kind}_table.h")}
-        own |= framework_files(model, kind, framework, float, period)
-        files |= {f"{framework}/{name}": content for name, content in own.items()}
+        framed = {name: files[name] for name in (f"{kind}.c", f"{kind}.h", f"{kind}_math.h", f"{kind}_table.h")}
+        framed |= framework_files(model, kind, framework, float, period)
+        files |= {f"{framework}/{name}": content for name, content in framed.items()}
     check_outputs(folder / name for name in files)
-    for name, content in files.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(content)
-    (folder / "budgets.json").unlink(missing_ok=True)  # of another component
+    with uninterrupted(folder):
+        with ExitStack() as all_of_them:  # they take their places together, or none does
+            for name, content in files.items():
+                all_of_them.enter_context(replacing(folder / name)).write_bytes(content)
+        (folder / "budgets.json").unlink(missing_ok=True)  # of another component
     in_the_loop = [write_fmu_in_the_loop(model, kind, folder)] if hil else []
     measured = budgets(folder, kind) if measure else {}
     if measured:
-        (folder / "budgets.json").write_text(json.dumps(measured, indent=1), encoding="utf-8")
+        write_text(folder / "budgets.json", json.dumps(measured, indent=1))
     return FlightCode(files=[folder, *in_the_loop], kind=kind, bits=float, budgets=measured)
 
 
@@ -183,6 +193,7 @@ def _watch(setup: AnyPath | None, noise: float) -> tuple[StepModel, tuple[Vector
 
     from .descriptions import load_structure
 
-    stored = stored_responses(None if setup is None else load_structure(setup))
+    with progress_bar("simulating the healthy response") as bar:
+        stored = stored_responses(None if setup is None else load_structure(setup), report=lambda done: bar.update(done, 1.0))
     model = watch_model(stored, noise)
     return model, *vectors_of(Stepper(model), example_inputs(stored, noise).T, stored.step), stored.step

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gossamer_files.inputs import keep
+from gossamer_files.inputs import followed, keep
 from gossamer_files.options import option
 from gossamer_orchestrator.errors import OrchestratorError, ResultsError, require
 
@@ -243,7 +243,7 @@ def name_of(record: Path) -> str:
     """Return the name of a record: that of the folder of a run, or of a CSV file without its ending."""
     from gossamer_orchestrator.results.files import RECORDED
 
-    path = record.resolve()
+    path = followed(record)
     if path.is_dir():
         return path.name
     return path.parent.name if path.name in RECORDED else path.stem

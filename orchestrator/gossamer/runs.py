@@ -226,14 +226,15 @@ def run(
         given = option("watch", True)
         msg = f"{given} must see a run from its start. Resume it without {given}, then use 'gossamer watch' on its results."
         raise OrchestratorError(msg)
-    with Drawing() if pictures else nullcontext() as drawing:
-        path = find_scenario(str(scenario))
-        name = f"{path.stem}_ssp" if path.suffix == ".ssp" else path.stem  # not over those of its scenario
-        folder = Path("out") / name if out is None else Path(out)
+    path = find_scenario(str(scenario))
+    name = f"{path.stem}_ssp" if path.suffix == ".ssp" else path.stem  # not over those of its scenario
+    folder = Path("out") / name if out is None else Path(out)
+    with Drawing(folder) if pictures else nullcontext() as drawing:
         data = run_scenario(
             path,
             out=folder,
             progress=progress_bar(path.stem),
+            soon=drawing.get_ready if drawing else None,
             observers=[LiveWatch(folder / UNFINISHED_WATCH)] if watch else [],
             threads=threads,
             resume=resume,
@@ -251,7 +252,7 @@ def draw(drawing: Drawing, data: xr.Dataset, folder: Path) -> list[Path]:
 
     from .files import stride_of
 
-    drawing.begin(folder, stride_of(data))
+    drawing.begin(stride_of(data))
     page = save_page(lambda: run_page(data, folder), folder)
     return [*drawing.finish(), *page]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 import time
 from contextlib import ExitStack
 
@@ -110,7 +111,7 @@ def test_an_artifact_that_cannot_be_read_is_refused_in_words(tmp_path, content, 
 
 def test_a_signal_waits_until_files_that_belong_together_are_written(tmp_path):
     def write():
-        with uninterrupted(), ExitStack() as both:
+        with uninterrupted(tmp_path), ExitStack() as both:
             first, second = (both.enter_context(replacing(tmp_path / name)) for name in ("a", "b"))
             first.write_text("new")
             signal.raise_signal(signal.SIGINT)
@@ -121,6 +122,39 @@ def test_a_signal_waits_until_files_that_belong_together_are_written(tmp_path):
         write()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b"]
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+@pytest.mark.skipif(os.name != "posix", reason="locks folders as POSIX does")
+def test_two_commands_that_write_into_one_folder_do_so_one_after_the_other(tmp_path):
+    begun, waited = threading.Event(), threading.Event()
+
+    def first():
+        with uninterrupted(tmp_path):
+            (tmp_path / "a").write_text("first")
+            begun.set()
+            waited.wait(0.3)
+            (tmp_path / "b").write_text("first")
+
+    def second():
+        begun.wait()
+        with uninterrupted(tmp_path):
+            for name in ("a", "b"):
+                (tmp_path / name).write_text("second")
+        waited.set()
+
+    threads = [threading.Thread(target=each) for each in (first, second)]
+    for each in threads:
+        each.start()
+    for each in threads:
+        each.join()
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"a": "second", "b": "second"}
+
+
+@pytest.mark.skipif(os.name != "posix", reason="locks folders as POSIX does")
+def test_who_holds_a_folder_for_ever_holds_up_nobody(tmp_path, monkeypatch):
+    monkeypatch.setattr("gossamer_files.PATIENCE", 1)
+    with uninterrupted(tmp_path), uninterrupted(tmp_path):
+        (tmp_path / "a").write_text("written")
 
 
 def test_of_files_that_belong_together_all_are_written_or_none(tmp_path):

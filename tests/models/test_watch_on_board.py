@@ -214,5 +214,15 @@ def test_a_load_that_does_not_repeat_and_noise_that_is_none_are_refused(stored):
         stored_responses(square_structure(4, 1), parameters={"pressure_amplitude": 0.0})
     with pytest.raises(ParameterError, match="Shorten the step"):
         stored_responses(square_structure(4, 1), step=0.01)
+    with pytest.raises(ParameterError, match="without damping no response settles"):
+        stored_responses(square_structure(4, 1), parameters={"mass_damping": 0.0})
     with pytest.raises(ParameterError, match="positive noise"):
         watch_model(stored, 0.0)
+
+
+def test_a_response_of_little_damping_is_simulated_until_it_repeats():
+    done = []
+    little = {"mass_damping": 1.0, "pressure_amplitude": 10.0}  # the start fades to 1e-6 in 28 s
+    stored_responses(square_structure(4, 1), parameters=little, step=2e-3, exact_mesh=True, report=done.append)
+    assert 150 < len(done) < 300
+    assert 0.9 < done[-1] < 1.0

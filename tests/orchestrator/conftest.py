@@ -11,6 +11,9 @@ from pathlib import Path
 
 import pytest
 from browsing import launched
+from command_line import invoke
+from gossamer.descriptions import load_campaign
+from gossamer_models.campaign import run_campaign
 from gossamer_orchestrator import Scenario, parse_scenario
 from pythonfmu.builder import FmuBuilder
 
@@ -36,6 +39,21 @@ def with_unit(name: str, unit: str, base: str) -> Callable[[str], str]:
         return re.sub(rf'(name="{re.escape(name)}"[^>]*>\s*<Real)', rf'\1 unit="{unit}"', xml)
 
     return edit
+
+
+@pytest.fixture(scope="session")
+def few_cases(once) -> Path:
+    """Return a folder with a campaign of as few and as short cases as ``train`` takes, and a detector to go on from."""
+
+    def fill(folder: Path) -> None:
+        text = "cases = 560\nseed = 3\nstop = 0.03\n[damage]\nzones = [1, 2]\ndepth = [0.3, 0.5]\nhealthy = 0.1\n"
+        (folder / "few.toml").write_text(text)
+        run_campaign(load_campaign(folder / "few.toml")[0], folder / "few.zarr", workers=1)
+        options = ["--window", "0.03", "--steps", "40", "--out", folder / "start.json"]
+        done = invoke(["train", folder / "few.zarr", *options])
+        assert done.exit_code == 0, done.stderr
+
+    return once("few_cases", fill)
 
 
 @pytest.fixture(scope="session")

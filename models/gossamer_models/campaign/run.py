@@ -23,6 +23,7 @@ from multiprocessing import get_context, parent_process
 from pathlib import Path
 from typing import TypeVar
 
+from gossamer_files.inputs import followed
 from gossamer_files.options import option
 
 from ..errors import GossamerError, StateError
@@ -160,7 +161,7 @@ def run_campaign(
     OSError
         The folder cannot be created.
     """
-    path = Path(path).resolve()
+    path = followed(path)
     kernels = build_kernels(campaign)
     task = ChunkTask(campaign, pickle.dumps(kernels), path, version("gossamer"))
     if not path.exists():

@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import Matrix, Vector
 from ..campaign.symmetry import Symmetry
 from ..errors import DataError
+from ..variables import modulo
 
 BLOCK = 4
 PACKETS = ("AA", "AD", "DA", "DD")
@@ -247,7 +248,7 @@ class Register:
         samples = ca.horzcat(sample, self.recent)
         difference = samples @ ca.DM(DIFFERENCE)
         partial = self.partial + take * sample
-        full = ca.logic_and(take, ca.fmod(count, block) < 0.5)
+        full = ca.logic_and(take, modulo(count, block) < 0.5)
         return Register(
             recent=ca.if_else(take, samples[:, :ORDER], self.recent),
             partial=ca.if_else(full, 0.0, partial),

@@ -15,7 +15,7 @@ from typing import Generic, NamedTuple, TypeVar
 import casadi as ca
 
 from ..step_model import StepModel
-from ..variables import Results, Values, Variable, fraction, input_, pack, parameter, positive, results_of, unpack
+from ..variables import Results, Values, Variable, fraction, input_, modulo, pack, parameter, positive, results_of, unpack
 from .artifact import DetectorArtifact, TrainedWindows
 from .features import BLOCK, PACKETS, Register, block_energies
 from .networks import Defuzzification, defuzzify, similarity
@@ -217,7 +217,7 @@ class Energies:
     def advance(self, sample: Sample) -> tuple[Energies, ca.MX]:
         """Take a sample if it is due; return the energies after it and those of its window, shape (4 s,)."""
         block = ca.horzcat(self.block, sample.strain)
-        completes = ca.logic_and(sample.due, ca.fmod(sample.number, BLOCK) < 0.5)
+        completes = ca.logic_and(sample.due, modulo(sample.number, BLOCK) < 0.5)
         U = self.U + ca.if_else(completes, block_energies(block), 0.0)
         return Energies(ca.if_else(sample.due, block[:, 1:], self.block), ca.if_else(sample.ends, 0.0, U)), U
 

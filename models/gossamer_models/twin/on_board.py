@@ -20,7 +20,7 @@ from scipy.special import chdtri
 from ..arrays import Matrix, Vector
 from ..errors import ParameterError
 from ..step_model import StepModel
-from ..variables import Results, Values, fraction, input_, pack, parameter, positive, results_of, unpack
+from ..variables import Results, Values, fraction, input_, modulo, pack, parameter, positive, results_of, unpack
 from .evidence import NEGLIGIBLE
 from .settled import StoredResponses
 from .watch import SURE
@@ -233,7 +233,7 @@ class StoredPeriod:
 
     def seek(self, x: Phase, strain: ca.MX) -> Phase:
         """Add a sample; after those of a period the likeliest phase is known. An offset of a sensor adds nothing then."""
-        at = ca.fmod(x.sought + ca.DM(self._columns), self.N)
+        at = _within(modulo(x.sought + ca.DM(self._columns), self.N), self.N)
         alike = x.alike + (strain.T @ ca.MX(self._strain)[:, at]).T
         best = ca.mmax(alike)
         first = ca.mmin(ca.if_else(alike >= best, ca.DM(np.arange(self._columns.size)), self.N))
@@ -245,7 +245,7 @@ class StoredPeriod:
         top = b + 0.5 * (left * (c - b) - right * (b - a)) / ca.fmax(left + right, 1e-300)
         place = x.sought + ca.fmax(ca.fmin(top, c), a)
         nearest = ca.floor(place + 0.5)
-        column = ca.fmod(ca.fmod(nearest, self.N) + self.N, self.N)
+        column = modulo(nearest, self.N)
         known = x.sought > self.N - 1.5
         return Phase(
             ca.if_else(known, column, 0.0),
@@ -349,7 +349,7 @@ def watch_model(stored: StoredResponses, noise: ArrayLike, false_alarms: float =
         late = ca.fabs(steps - 1.0) > ON_TIME
         begun = unpack(x.phase, ca.if_else(u.acquire > 0.5, pack(period.begin(x.phase.rate)), pack(x.phase)))
         known = begun.sought > N - 0.5
-        column = _within(ca.fmod(begun.column + ca.floor(steps + 0.5), N), N)
+        column = _within(modulo(begun.column + ca.floor(steps + 0.5), N), N)
         kind = ca.floor(column / n)
         place = column - n * kind
         begins, ends = place < 0.5, ca.logic_and(known, place > n - 1.5)
@@ -374,7 +374,7 @@ def watch_model(stored: StoredResponses, noise: ArrayLike, false_alarms: float =
         rate = ca.fmax(ca.fmin(begun.rate + DRIFTS * off, FASTEST * n), -FASTEST * n)
         shift = f + ca.if_else(ends, rate + FOLLOWS * off, 0.0)
         slip = ca.if_else(shift > SLIPS, 1.0, 0.0) - ca.if_else(shift < -SLIPS, 1.0, 0.0)
-        followed = Phase(ca.fmod(column + slip + N, N), shift - slip, rate, begun.sought, begun.alike)
+        followed = Phase(modulo(column + slip, N), shift - slip, rate, begun.sought, begun.alike)
         whole = ca.if_else(late, pack(period.begin(begun.rate)), pack(begun))  # from the beginning where one is missing
         phase = unpack(begun, ca.if_else(known, pack(followed), search(ca.if_else(known, -1, 0), whole, u.strain)))
         broken = ca.fmax(broken, ca.fabs(slip))

@@ -6,7 +6,8 @@ period, ``h`` step [s].
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +21,8 @@ from .simulation import Place, SensedForward
 from .watch import HALF, MOVED, NEIGHBOUR
 
 KINDS = ("amplitude", "damping", "modulus", "density", "prestrain")  # nuisances of the membrane and its load
-REPEATS, MOST_PERIODS = 1e-6, 200  # change of a response that has settled, of its range; periods until then
+REPEATS = 1e-6  # change of a response that has settled, of its range
+LONGER = 2.0  # times as long as damping takes to reach it from the range
 LEAST = 20  # samples of a window
 PER_PERIOD = 2.0  # windows in a first period of the membrane, nearly
 BENT = 0.5  # deviations of the load for its second derivative
@@ -61,6 +63,7 @@ def stored_responses(
     parameters: Mapping[str, float] | None = None,
     step: float = 3e-4,
     exact_mesh: bool = False,
+    report: Callable[[float], None] = lambda _: None,
 ) -> StoredResponses:
     """Simulate what a watch on board compares readings with, from the same model and priors as ``Watch``.
 
@@ -74,13 +77,15 @@ def stored_responses(
         Time between samples [s]; it is changed until a period of the load is a whole number of windows and samples.
     exact_mesh : bool
         Whether readings come from the mesh of the structure, so that half of what finer elements add is no part of them.
+    report : callable
+        Is called after each period with the share of the simulation that is done [1].
 
     Raises
     ------
     ParameterError
-        There is no built-in pressure, or its period has less than 20 samples.
+        There is no built-in pressure, its period has less than 20 samples, or nothing is damped.
     ConvergenceError
-        The response does not repeat within 200 periods.
+        The response does not repeat in twice the time in which damping alone lets the start fade.
     """
     forward = forward_of(structure, parameters)
     numbers = {**forward.parameters, **forward.inputs}
@@ -88,7 +93,10 @@ def stored_responses(
     require(
         acts, "a watch on board needs a load that repeats. Give the setup a pressure_amplitude and a pressure_frequency."
     )
+    damping = numbers.get("mass_damping", 0.0)
+    require(damping > 0.0, "without damping no response settles. Give the setup a mass_damping [1/s].")
     period = 1.0 / numbers["pressure_frequency"]
+    most = math.ceil(LONGER * 2.0 * math.log(1.0 / REPEATS) / damping / period)
     windows = min(max(1, round(PER_PERIOD * period / forward.period)), int(period / step / LEAST))
     require(windows, f"a period of the load has less than {LEAST} samples. Shorten the step of {step:g} s.")
     samples = round(period / windows / step)
@@ -100,11 +108,13 @@ def stored_responses(
     given = [{name: float(value[0]) for name, value in nuisances.moved(z[None]).items()} for z in rows]
     zones, N, h = len(forward.zones), windows * samples, period / windows / samples
     damages = np.vstack([np.zeros((len(given), zones)), NEIGHBOUR * np.eye(zones)])
-    found = _settled(forward, damages, given + [{}] * zones, N, h)
     finer = None if exact_mesh else finer_of(forward)
+    parts = 1.0 if finer is None else 2.0
+    found = _settled(forward, damages, given + [{}] * zones, (N, most), h, lambda done: report(done / parts))
     added = np.zeros((0, *found.shape[1:]))
     if finer is not None:
-        added = HALF * (_settled(finer, damages[:1], [{}], N, h) - found[:1])
+        fine = _settled(finer, damages[:1], [{}], (N, most), h, lambda done: report((1.0 + done) / parts))
+        added = HALF * (fine - found[:1])
     gains = GAIN * found[0][None] * np.eye(forward.sensors)[:, :, None]
     moved = (found[1 : len(around)] - found[0]) / MOVED
     curved = (found[len(given) - 2 : len(given)].sum(axis=0, keepdims=True) - 2.0 * found[:1]) / (2.0 * BENT**2)
@@ -118,16 +128,26 @@ def stored_responses(
     )
 
 
-def _settled(forward: Forward, damages: Matrix, given: list[dict[str, float]], N: int, h: float) -> Matrix:
-    """Return a period of the strain of some cases, shape (m, s, N), when it repeats."""
+def _settled(
+    forward: Forward,
+    damages: Matrix,
+    given: list[dict[str, float]],
+    length: tuple[int, int],
+    h: float,
+    report: Callable[[float], None],
+) -> Matrix:
+    """Return a period of the strain of some cases, shape (m, s, N), when it repeats; ``length`` is N, and most periods."""
+    N, most = length
     sensed = SensedForward(forward)
     place = Place.joined([sensed.begin(damage, each, h) for damage, each in zip(damages, given, strict=True)])
     through = np.repeat(damages[:, None], N, axis=1)
     before = np.full((len(damages), forward.sensors, N), np.inf)
-    for _ in range(MOST_PERIODS):
+    for _ in range(most):
         found, _, place = sensed.advance(place, through, {}, h)
-        if np.abs(found - before).max() <= REPEATS * np.ptp(found[0], axis=1).min():
+        change = np.abs(found - before).max() / max(np.ptp(found[0], axis=1).min(), 1e-300)
+        if change <= REPEATS:
             return found
+        report(min(max(math.log(change) / math.log(REPEATS), 0.0), 1.0) if change < 1.0 else 0.0)
         before = found
-    msg = f"the response does not repeat within {MOST_PERIODS} periods of the load. Raise its damping, or lower the load."
+    msg = f"the response does not repeat within {most} periods of the load. Raise its damping, or lower the load."
     raise ConvergenceError(msg)

@@ -24,6 +24,7 @@ from typing import Any
 from fmu_manipulation_toolbox.container import FMUContainer, FMUContainerError
 from fmu_manipulation_toolbox.operations import FMUError
 from gossamer_files import write_archive
+from gossamer_files.inputs import followed
 from gossamer_files.options import option
 from lxml import etree
 from pyssp_standard.unit import Units
@@ -73,7 +74,7 @@ def build_container(scenario: Scenario, fmus: Path, out: Path, *, fmi: int = 2) 
         msg = f"{out.name!r} cannot be the name of an FMU's binary. Use letters, digits and underscores, no digit first."
         raise ScenarioError(msg)
     with closing(make_plan(scenario, Path(fmus))) as plan:
-        if out.resolve() in [file.path.resolve() for file in plan.files]:
+        if followed(out) in [file.path.resolve() for file in plan.files]:
             msg = f"{out} is one of the scenario's FMUs. Name another file with {option('out')}."
             raise ScenarioError(msg)
         problems = inexpressible(scenario, "a container", _NEUTRAL, "and let the host change the container's input")

@@ -1,6 +1,7 @@
-"""Draw the pictures of a run in processes of their own, which get ready while it goes on.
+"""Draw the pictures of a run in processes of their own, which get ready before it ends.
 
-They end with this process: at once while they wait for their task, else when they have drawn.
+Each takes some 120 MB, so they start late, and pictures of a long run are drawn in this process. They end with it: at once
+while they wait for their task, else when they have drawn.
 """
 
 from __future__ import annotations
@@ -11,16 +12,19 @@ import os
 import signal
 import subprocess
 import sys
+import time
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import asdict
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from gossamer_files.pictures import picture
 
 from ..errors import OrchestratorError
 from ..processes import start
+from .files import NETCDF, UNFINISHED_NETCDF, load_results, stays_on_disk
 
 if TYPE_CHECKING:
     from .report.pictures import Picture
@@ -30,13 +34,25 @@ logger = logging.getLogger(__name__)
 Share: TypeAlias = tuple[int, int | None]
 # of the pictures, for a process each: the first one takes about as long as all others
 SHARES: tuple[Share, ...] = ((0, 1), (1, None))
+LONG = 60.0  # [s], a run for whose pictures one may wait a little longer
 
 
 class Drawing:
     """Processes that divide the pictures of a run among themselves; the end of the ``with`` block ends them."""
 
-    def __init__(self) -> None:
-        self._processes = [_start() for _ in SHARES]
+    def __init__(self, folder: Path) -> None:
+        self._folder, self._begun = folder, time.monotonic()
+        self._processes: list[subprocess.Popen[str]] = []
+
+    def get_ready(self) -> None:
+        """Start the processes, which takes them two seconds, unless that was done or the run is long."""
+        if not self._processes and not self._is_long():
+            self._processes = [_start() for _ in SHARES]
+
+    def _is_long(self) -> bool:
+        paths = [self._folder / name for name in (UNFINISHED_NETCDF, NETCDF)]
+        results = next((path for path in paths if path.is_file()), None)
+        return time.monotonic() - self._begun > LONG or (results is not None and stays_on_disk(results))
 
     def __enter__(self) -> Drawing:
         return self
@@ -46,10 +62,11 @@ class Drawing:
             with suppress(BrokenPipeError), process:
                 process.terminate()
 
-    def begin(self, folder: Path, every: int) -> None:
-        """Let them draw the results in a folder, one of so many points, while this process goes on."""
-        self._task = {"folder": str(folder), "every": every}
-        for process, share in zip(self._processes, SHARES, strict=True):
+    def begin(self, every: int) -> None:
+        """Let them draw the results in the folder, one of so many points, while this process goes on."""
+        self.get_ready()
+        self._task = {"folder": str(self._folder), "every": every}
+        for process, share in zip(self._processes, SHARES, strict=False):
             self._give(process, share)
 
     def _give(self, process: subprocess.Popen[str], share: Share) -> None:
@@ -63,10 +80,15 @@ class Drawing:
         from .report.pictures import paths_of
 
         pages, problems = [], []
-        for process, share in zip(tuple(self._processes), SHARES, strict=True):
+        for process, share in zip(tuple(self._processes), SHARES, strict=False):  # or none
             drawn, wrong = self._heard(process, share)
             pages += drawn
             problems += wrong
+        if not self._processes:
+            try:
+                pages = list(_draw(self._task))
+            except OrchestratorError as error:
+                problems = [str(error)]
         problems += [page.failure for page in pages if page.failure]
         if problems:
             why = " ".join(dict.fromkeys(problems))
@@ -116,8 +138,7 @@ def draw_share() -> None:
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the command
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # leaves no unfinished file
-    from .files import load_results
-    from .report.pictures import draw_pictures
+    from .report import pictures  # noqa: F401 (loads what reads results)
 
     with picture(BytesIO()) as figure:
         figure.subplots().set_yscale("log")  # loads matplotlib, its fonts and its formulas
@@ -125,15 +146,21 @@ def draw_share() -> None:
         task = json.loads(sys.stdin.read())
     except ValueError:  # no task, or the begin of one: the command was ended
         return
-    folder = Path(task["folder"])
     try:
-        data = load_results(folder)
-        data = data.isel(time=slice(None, None, task["every"])) if task["every"] > 1 else data
-        share, tell = slice(*task["share"]), lambda path: _say({"begun": path})
-        for each in draw_pictures(data, folder, "png", folder, share, tell):
+        for each in _draw(task, lambda path: _say({"begun": path})):
             _say(asdict(each))
     except OrchestratorError as error:
         _say({"error": str(error)})
+
+
+def _draw(task: dict[str, Any], tell: Callable[[Path], None] = lambda _: None) -> Iterator[Picture]:
+    """Draw the share of a task, or all; ``tell`` is called with the path of each picture before it is drawn."""
+    from .report.pictures import draw_pictures
+
+    folder = Path(task["folder"])
+    data = load_results(folder)
+    data = data.isel(time=slice(None, None, task["every"])) if task["every"] > 1 else data
+    return draw_pictures(data, folder, "png", folder, slice(*task.get("share", [None])), tell)
 
 
 def _say(report: dict[str, object]) -> None:

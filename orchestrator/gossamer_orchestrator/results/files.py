@@ -132,7 +132,7 @@ def load_results(path: Path) -> xr.Dataset:
     try:
         if path.suffix == ".csv":
             return _load_csv(path)
-        data = _load_netcdf(path, on_disk=path.stat().st_size > _LOADED)
+        data = _load_netcdf(path, on_disk=stays_on_disk(path))
         for name in ("connections", "effort", "fmus", "versions"):
             json.loads(data.attrs.get(name) or "{}")
     except (OSError, ValueError, TypeError, LookupError, StopIteration) as error:
@@ -146,6 +146,11 @@ def load_results(path: Path) -> xr.Dataset:
         )
         raise ResultsError(msg)
     return data
+
+
+def stays_on_disk(path: Path) -> bool:
+    """Tell whether the values of a netCDF file are read when they are used."""
+    return path.stat().st_size > _LOADED
 
 
 def others(path: Path, names: Sequence[str] = RECORDED) -> str:

@@ -13,6 +13,7 @@ import signal
 import subprocess
 import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
@@ -42,6 +43,7 @@ from .progress import ProgressBar
 from .stream import Shared
 
 GRACE = 5.0  # [s] that an FMU has to return after Ctrl-C, and to be freed after the run
+SOON, FEW = 3.0, 10_000  # [s] before its end, and steps of a run, that ends soon
 _POLL = 0.1  # [s]
 _SAMPLE = 0.005  # [s]
 
@@ -104,7 +106,7 @@ class Process:
         if not self._reader.is_alive():  # closing waits for one that reads: what is left of the process may hold the pipe
             self._lines.close()
 
-    def watch(self, limit: float | None, progress: ProgressBar | None) -> None:
+    def watch(self, limit: float | None, progress: ProgressBar | None, soon: Callable[[], object] | None = None) -> None:
         """Wait for its end, and end it if it must.
 
         Parameters
@@ -113,13 +115,15 @@ class Process:
             Time that one call of an FMU may take [s].
         progress : ProgressBar or None
             Shows how far it is.
+        soon : callable or None
+            Called once when the run will end soon, see ``run_scenario``.
         """
         over = threading.Event()
         sampler = threading.Thread(target=self._sample, args=(over,), daemon=True)
         sampler.start()
         try:
             with deferred_interrupt(self.position):
-                self._watch(limit, progress)
+                self._watch(limit, progress, soon)
         except KeyboardInterrupt as error:
             self._kill(error)
         finally:
@@ -139,11 +143,18 @@ class Process:
                     self.effort[name]["seconds"] += now - last
             last = now
 
-    def _watch(self, limit: float | None, progress: ProgressBar | None) -> None:
+    def _watch(self, limit: float | None, progress: ProgressBar | None, soon: Callable[[], object] | None) -> None:
         last, since, asked = [0] * 5, time.monotonic(), 0.0
+        begin: tuple[int, float] | None = None
         while not self._closed:
             self._take(_POLL)
             now, position = time.monotonic(), self.position
+            if soon is not None and self._ticks:
+                first, begun = begin = begin or (position[TICK], now)
+                done, left = position[TICK] - first, self._ticks - position[TICK]
+                if self._ticks <= FEW or (now - begun) * left < SOON * done:
+                    soon()
+                    soon = None
             if progress is not None and self.shared is not None:
                 progress.show(position[TICK], self._ticks, self._seconds(), self._aside)
             present = [position[i] for i in (TICK, PART, COMPONENT, CALL, RETURNED)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import pickle
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -51,6 +51,7 @@ def run_scenario(
     csv: bool | None = None,
     observers: Sequence[Observer] = (),
     progress: ProgressBar | None = None,
+    soon: Callable[[], object] | None = None,
 ) -> xr.Dataset:
     """Simulate a scenario.
 
@@ -85,6 +86,9 @@ def run_scenario(
         What else watches the run. They are pickled, and live in its process; use ``Simulation`` for others.
     progress : ProgressBar or None
         Shows how far it is.
+    soon : callable or None
+        Called once when the run will end within 3 s at its mean speed so far, at once if it has no more than 10,000 steps,
+        and not at all if it ends before that is known.
 
     Returns
     -------
@@ -133,7 +137,7 @@ def run_scenario(
         process = stack.enter_context(Process(task))
         import xarray  # noqa: F401 (takes a second, while the other process starts)
 
-        process.watch(limit, progress)
+        process.watch(limit, progress, soon)
         process.end()
         error = process.error
         try:
@@ -189,7 +193,7 @@ def _settle(
     full = isinstance(error, ResultsError) and (folder / files.NETCDF).exists()
     if full or (error is not None and files.has_complete(folder)):
         return last, path
-    with uninterrupted(), writing(folder, ResultsError):
+    with writing(folder, ResultsError), uninterrupted(folder):
         _remove_earlier(folder, drawn=resumed or (folder / files.NETCDF).is_file())
         path = path.replace(folder / files.NETCDF)
         settle_shapes(folder, kept=True)

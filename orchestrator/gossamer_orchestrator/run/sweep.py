@@ -217,13 +217,13 @@ def _keep_plan(out: Path, cases: Sequence[Case], command: Sequence[str]) -> None
     words = [Path(word).name if Path(word).is_absolute() else word for word in command]
     fmus = Path(command[command.index("--fmus") + 1])
     files = {path.name: digest(path) for path in (Path(command[1]), *_fmus_of(Path(command[1]), fmus)) if path.is_file()}
-    plan = {"command": words, "files": files, "cases": [case.values for case in cases]}
+    plan = json.dumps({"command": words, "files": files, "cases": [case.values for case in cases]})
     path = out / PLAN
-    if path.is_file() and json.loads(path.read_text(encoding="utf-8")) != plan:
+    if path.is_file() and path.read_bytes() != plan.encode():
         msg = f"{out} holds another sweep. Name another folder with {option('out')}, or remove it."
         raise ResultsError(msg)
     with writing(path, ResultsError):
-        write_text(path, json.dumps(plan))
+        write_text(path, plan)
 
 
 def _fmus_of(scenario: Path, fmus: Path) -> list[Path]:

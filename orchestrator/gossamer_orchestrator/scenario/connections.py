@@ -257,14 +257,23 @@ def order_components(
     if scenario.master == "gauss-seidel" and (loop or scenario.order is None):
         why = f"algebraic loop {' -> '.join('.'.join(node) for node in loop)}" if loop else "components feed each other"
         for connection in delayed:
-            logger.warning(
-                "%s: %s: the connection %s -> %s delays by one step. State another 'order', a smaller 'step', or a group",
-                scenario.source.where(("connections", fed[connection.target])),
-                why,
-                connection.origin,
-                connection.target,
-            )
+            where = scenario.source.where(("connections", fed[connection.target]))
+            between = _lies_between(connection, feeds, groups)
+            advice = "Choose a smaller 'step'" if between else "State another 'order', a smaller 'step', or a group"
+            text = "%s: %s: the connection %s -> %s delays by one step. %s"
+            logger.warning(text, where, between or why, connection.origin, connection.target, advice)
     return start_order, order
+
+
+def _lies_between(c: Connection, feeds: Mapping[str, list[str]], groups: Iterable[list[str]]) -> str:
+    """Say which components step as one, if only that delays a connection: its receiver does not feed its sender."""
+    if c.receiver in {c.sender} | _upstream(c.sender, feeds, feeds):
+        return ""
+    group = next((group for group in groups if c.receiver in group or c.sender in group), None)
+    if group is None:
+        return ""
+    outside = c.sender if c.receiver in group else c.receiver
+    return f"{', '.join(group)} step as one, and {outside!r} lies between them"
 
 
 def _find_loop(files: Mapping[str, FmuFile], connections: Iterable[Connection]) -> list[tuple[str, str]]:

@@ -46,6 +46,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal, get_args
 
+from gossamer_files.inputs import followed
 from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, field_validator
 
 from ..errors import require
@@ -345,7 +346,7 @@ class Scenario(ScenarioTable):
     def fmu_path(self, component: str, fmus: Path) -> Path:
         """Return the FMU file of a component; names are looked up in a folder."""
         fmu = self.components[component].fmu
-        return (self.folder / fmu if fmu.endswith(".fmu") else fmus / f"{fmu}.fmu").resolve()
+        return followed(self.folder / fmu if fmu.endswith(".fmu") else fmus / f"{fmu}.fmu")
 
     def seconds(self, tick: int) -> float:
         """Convert a count of steps to time [s]."""

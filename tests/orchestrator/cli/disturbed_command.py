@@ -8,20 +8,26 @@ runs the command in ``complete``, a copy of the folder ``before``, and counts th
 folder changes. Then it runs it in other copies, where it is killed with SIGKILL: in ``killed_0``, ``killed_2``, ... it ends
 itself at such a moment drawn from the seed, and a file that is opened then has been emptied, as the system does; in
 ``killed_1_0``, ``killed_3_0``, ... it is killed at any time of its life, one in each of equal parts of that; where it has
-ended before, in ``killed_1_1`` after half the time, and so on. How many of these were alive stands on the standard output.
-In ``full_0``, ... no file may become larger than a limit.
+ended before, in ``killed_1_1`` after half of that, and so on. Times are of the processor, so that they fall alike on a busy
+machine. How many were alive stands on the standard output. In ``full_0``, ... no file may become larger than a limit.
 """
 
 import errno
+import importlib
+import json
 import os
 import random
 import resource
 import shutil
 import signal
 import sys
-import time
+import warnings
+from contextlib import suppress
 from pathlib import Path
 
+sys.path.append(str(Path(__file__).parents[1]))
+
+from command_line import wait_for_work
 from gossamer.cli import main as command_line
 
 CHANGES = ("open", "os.rename", "os.remove", "os.mkdir", "os.truncate")
@@ -30,8 +36,8 @@ LIMITS = (2_000, 30_000, 300_000)  # [byte]
 
 
 def run(command, at, limit, report):
-    """Run the command in this process and this folder; write the number of moments into ``report``."""
-    inside, count = Path.cwd(), 0
+    """Run the command in this process and this folder; write the number of moments and what was imported into ``report``."""
+    inside, count, before = Path.cwd(), 0, set(sys.modules)
 
     def watch(event, arguments):
         nonlocal count
@@ -56,14 +62,15 @@ def run(command, at, limit, report):
         command_line(command)
     except SystemExit as end:
         code = int(end.code or 0)
-    os.write(report, str(count).encode())
+    with os.fdopen(report, "w") as file:
+        json.dump([count, [name for name in sys.modules if name not in before]], file)
     return code
 
 
 def fork(folder, command, at=0, limit=0, after=None):
-    """Run the command in another process, which has everything loaded, and kill it after a time [s], if that is given.
+    """Run the command in another process, and kill it after a time [s], if that is given.
 
-    Return how it ended and its moments.
+    Return how it ended, its moments, the time that it took and its modules.
     """
     shutil.copytree("before", folder)
     reading, writing = os.pipe()
@@ -73,20 +80,31 @@ def fork(folder, command, at=0, limit=0, after=None):
         os._exit(run(command, at, limit, writing))
     os.close(writing)
     if after is not None:
-        time.sleep(after)
+        wait_for_work(child, after)
         os.kill(child, signal.SIGKILL)  # a process that has ended can be sent signals until its parent knows of it
     with os.fdopen(reading) as report:
-        text = report.read()
-    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), int(text or 0)
+        total, modules = json.loads(report.read() or "[0, []]")
+    _, status, usage = os.wait4(child, 0)
+    return os.waitstatus_to_exitcode(status), total, usage.ru_utime + usage.ru_stime, modules
+
+
+def load(modules):
+    """Import what the command needs, so that the others begin with their work."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for name in modules:
+            with suppress(ImportError):  # some are made when they are asked for
+                importlib.import_module(name)
 
 
 def main(seed, times, *command):
     """Run the command once, then disturb it."""
-    begun = time.monotonic()
-    code, total = fork("complete", command)
-    life, times = time.monotonic() - begun, int(times)
+    code, total, _, modules = fork("complete", command)
     if code or not total:
         sys.exit(f"the command ended with code {code} after {total} moments")
+    load(modules)
+    _, total, life, _ = fork("again", command)
+    times = int(times)
     moments = [*range(1, total + 1)] * (times // total + 1)  # each of them once before any is taken twice
     draw, anytime, alive = random.Random(int(seed)), times // 2, 0
     for number, at in enumerate(draw.sample(moments, times)):
@@ -94,12 +112,12 @@ def main(seed, times, *command):
             after, code = life * (number // 2 + draw.random()) / anytime, 0
             for again in range(EARLIER):
                 if not code:
-                    code, _ = fork(f"killed_{number}_{again}", command, after=after / 2.0**again)
+                    code, *_ = fork(f"killed_{number}_{again}", command, after=after / 2.0**again)
             if code not in (0, -signal.SIGKILL):
                 sys.exit(f"killed at any time it ended with code {code}")
             alive += code != 0
             continue
-        code, _ = fork(f"killed_{number}", command, at)
+        code, *_ = fork(f"killed_{number}", command, at)
         if code != -signal.SIGKILL:
             sys.exit(f"it was not killed at moment {at} of {total}, but ended with code {code}")
     print(f"{alive} of {anytime} were alive")

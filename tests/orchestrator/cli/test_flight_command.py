@@ -61,6 +61,18 @@ def test_budgets_are_measured_and_kept(tmp_path):
     assert 0 < budgets["mean"] <= budgets["most"] < 144_000  # a step of 0.3 ms at 480 MHz
 
 
+@pytest.mark.skipif(bool(missing_tools()), reason=f"not installed: {', '.join(missing_tools())}")
+def test_the_exact_inverse_alone_needs_half_the_memory_and_follows_no_ageing(tmp_path):
+    result = invoke(["flight", "compensator", "--no-ageing", "--out", str(tmp_path), "--measure"])
+    assert result.exit_code == 0, result.output
+    budgets = json.loads((tmp_path / "budgets.json").read_text())
+    assert budgets["ram"] < 2500
+    assert budgets["worst"] < 1e-12
+    header = (tmp_path / "compensator.h").read_text(encoding="utf-8")
+    assert "known" not in header
+    assert "gain_per_day" not in header
+
+
 def test_without_the_tools_it_says_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setattr(shutil, "which", lambda name: None)
     result = invoke(["flight", "compensator", "--out", str(tmp_path), "--measure"])
@@ -81,6 +93,8 @@ def test_so_it_does_for_a_processor_in_the_loop(tmp_path, monkeypatch):
         ("watch --artifact sensor.json", "--artifact has no meaning for a watch"),
         ("compensator --noise 0.002", "--noise has no meaning for a compensator"),
         ("watch --noise 0", "must be larger than 0"),
+        ("watch --no-ageing", "--no-ageing has no meaning for a watch"),
+        ("detector --no-ageing", "'detector' follows no gain and offset. Name one of those that do"),
     ],
 )
 def test_a_watch_and_the_others_have_options_of_their_own(words, message):

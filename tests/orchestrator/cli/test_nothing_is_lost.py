@@ -12,15 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import invoke
-from gossamer.descriptions import load_campaign
 from gossamer_files import write_text
 from gossamer_files.inputs import OverwriteError, is_pipe, keeping
-from gossamer_models.campaign import run_campaign
 from gossamer_models.detector import PosteriorArtifact
 from gossamer_models.sensor import SensorArtifact
 from gossamer_orchestrator.fmi.archive import check_archive
-
-CAMPAIGN = "cases = 640\nseed = 3\nstop = 0.06\n[damage]\nzones = [1, 2]\ndepth = [0.3, 0.5]\nhealthy = 0.1\n"
 
 
 @pytest.fixture
@@ -35,7 +31,7 @@ def record(tmp_path, monkeypatch):
 
 
 IDENTIFY = ["identify", "rec.csv", "--modes", "2", "--relaxations", "0", "--starts", "1", "--out", "out/sensor.json"]
-TRAIN = ["train", "small.zarr", "--window", "0.03", "--steps", "60", "--out", "out/small.json"]
+TRAIN = ["train", "few.zarr", "--window", "0.03", "--steps", "1", "--start", "start.json", "--out", "out/small.json"]
 BUILD = ["build", "sensor", "compensator", "--out", "out"]
 
 
@@ -132,6 +128,51 @@ def test_a_link_to_what_cannot_be_looked_at_is_no_pipe(tmp_path):
     assert not is_pipe(tmp_path / "link")
 
 
+@pytest.mark.parametrize("command", [
+    ["flight", "compensator", "--out", "loop"],
+    ["export-ssp", "chain.toml", "--fmus", "fmus", "--out", "loop/chain.ssp"],
+    ["container", "chain.toml", "--fmus", "fmus", "--out", "loop/chain.fmu"],
+    ["run", "chain.toml", "--fmus", "loops", "--out", "out"],
+    ["modes", "--mesh", "loop", "loop.toml"],
+    ["campaign", "loop.toml", "--out", "loop/x.zarr"],
+])  # fmt: skip
+def test_links_that_go_in_a_circle_are_refused_by_name(record, fmus, command):
+    """Whether they are to be read or written: Python's own way to follow them ended in a traceback."""
+    shutil.copytree(fmus, "fmus")
+    Path("chain.toml").write_text('step = 0.1\nstop = 1.0\n[components.i]\nfmu = "integrator"\ninputs = { u = 1.0 }\n')
+    Path("loops").mkdir()
+    for link in ("loop", "loop.toml", "loops/integrator.fmu"):
+        Path(link).symlink_to(Path(link).name)
+    result = invoke(command)
+    assert result.exit_code == 1
+    assert ("integrator" if "loops" in command else "loop") in result.stderr
+
+
+def test_a_name_that_is_as_long_as_can_be_is_written(tmp_path):
+    for name in ("n" * 250 + ".json", "\u65e5" * 83 + ".json"):
+        for text in ("a", "b"):
+            write_text(tmp_path / name, text)
+        assert (tmp_path / name).read_text() == "b"
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_what_is_not_written_is_named_and_not_the_file_that_would_have_become_it(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(OSError, match=r"file/x\.json|file") as caught:
+        write_text(tmp_path / "file/x.json", "b")
+    assert "unfinished" not in str(caught.value)
+
+
+def test_code_for_a_flight_processor_is_all_of_one_command(tmp_path):
+    """As where the disk is full: what would have taken the place of earlier files is not written either."""
+    assert invoke(["flight", "compensator", "--out", tmp_path]).exit_code == 0
+    (tmp_path / "INTERFACE.md").unlink()
+    (tmp_path / "INTERFACE.md").mkdir()  # it comes last
+    before = {path: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()}
+    assert invoke(["flight", "compensator", "--float", "32", "--out", tmp_path]).exit_code == 1
+    assert {path: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()} == before
+
+
 def test_a_file_in_the_store_that_is_read_is_refused(tmp_path):
     (tmp_path / "small.zarr").mkdir()
     (tmp_path / "small.zarr/zarr.json").write_text("{}")
@@ -164,16 +205,15 @@ def test_a_pipe_into_which_nobody_writes_is_refused_and_not_waited_for(record, c
 
 
 @pytest.fixture(params=["identify", "train", "build"])
-def prepared(request, record):
+def prepared(request, record, few_cases):
     """The folder ``before`` with what an earlier command wrote, and a command that will replace all of it."""
     Path("before").mkdir()
     if request.param == "identify":
         shutil.copy("rec.csv", "before")
         earlier, command = [*IDENTIFY, "--ridge", "1e-3"], IDENTIFY
     elif request.param == "train":
-        Path("small.toml").write_text(CAMPAIGN)
-        run_campaign(load_campaign(Path("small.toml"))[0], Path("before/small.zarr"), workers=1)
-        earlier, command = [*TRAIN, "--steps", "50"], TRAIN
+        shutil.copytree(few_cases, "before", dirs_exist_ok=True)
+        earlier, command = [*TRAIN, "--steps", "2"], TRAIN
     else:
         earlier, command = [*BUILD, "--native"], BUILD
     done = subprocess.run([sys.executable, "-m", "gossamer", *earlier], cwd="before", check=False)
@@ -203,13 +243,14 @@ def assert_nothing_is_damaged(folder):
             check_archive(path)
 
 
-def test_a_command_that_is_killed_or_lacks_space_damages_nothing(prepared, kills):
-    times = kills or (2 if prepared is TRAIN else 4)  # training takes long; its writer is tested in test_files.py
+def test_a_command_that_is_killed_or_lacks_space_damages_nothing(prepared, record_property, kills):
+    times = kills or 4
     script = Path(__file__).with_name("disturbed_command.py")
     done = subprocess.run([sys.executable, script, "1", str(times), *prepared], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
-    assert int(re.search(r"(\d+) of \d+ were alive", done.stdout)[1]) > 0
+    alive = int(re.search(r"(\d+) of \d+ were alive", done.stdout)[1])
+    assert alive == times // 2
     assert "File too large. Name another place with --out." in " ".join(done.stderr.split())
     assert files("before") != files("complete")
     killed, full = ([*Path().glob(name)] for name in ("killed_*", "full_*"))
@@ -217,3 +258,5 @@ def test_a_command_that_is_killed_or_lacks_space_damages_nothing(prepared, kills
     assert len(full) == min(times, 3)
     for folder in [*killed, *full]:
         assert_nothing_is_damaged(folder)
+    hits = times - times // 2 + alive  # those that come as a name or a file changes all do
+    record_property("kills", f"{len(killed)} kills, {hits} of a live process, {len(full)} full disks; 0 files lost")

@@ -145,10 +145,11 @@ def environment(process):
         return None
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="of /proc")
 def test_memory_does_not_grow_with_the_run(hostile, tmp_path):
-    """Peak of the process of a run, with twenty variables and noise, at 10,000 and 100,000 steps [MB]."""
+    """Peak of the process of a run, with twenty variables and noise, and of its program: 10,000 and 150,000 steps [MB]."""
     peaks = []
-    for steps in (10_000, 100_000):
+    for steps in (10_000, 150_000):
         text = (
             f'step = 0.5\nstop = {0.5 * steps}\n[components.a]\nfmu = "wide"\ninputs = {{ u = 0.0 }}\n[components.b]\n'
             'fmu = "hostile"\n[[connections]]\nfrom = "a.y[1]"\nto = "b.u"\nnoise = { kind = "normal", amplitude = 0.1 }\n'
@@ -158,14 +159,27 @@ def test_memory_does_not_grow_with_the_run(hostile, tmp_path):
         code = (
             "import resource, sys\nfrom gossamer_orchestrator import run_scenario\n"  # no guard of the main module
             f"data = run_scenario({str(tmp_path / 'it.toml')!r}, {str(hostile)!r}, {str(tmp_path / 'out')!r}, csv=False)\n"
-            "print(data.sizes['time'], resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024)\n"
+            "print(data.sizes['time'], resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)\n"
+            "print(*open('/proc/self/status').read().split('VmHWM:')[1].split()[:1])"  # the other one inherits its parent's
         )
         (tmp_path / "script.py").write_text(code)
         done = subprocess.run([sys.executable, tmp_path / "script.py"], capture_output=True, text=True, check=True)
-        rows, peak = done.stdout.split()
+        rows, *of_both = done.stdout.split()
         assert int(rows) == steps + 1
-        peaks.append(float(peak))
-    assert peaks[1] < min(200.0, peaks[0] + 5.0)  # the table of the longer run has 16 MB
+        peaks.append([float(each) / 1024 for each in of_both])
+    (run, program), (longer, its_program) = peaks
+    assert longer < min(200.0, run + 5.0)  # the table of the longer run has 25 MB
+    assert its_program < min(200.0, program + 5.0)
+
+
+def test_who_gets_ready_for_the_end_of_a_run_is_called_once_and_soon_in_a_short_one(hostile, beside, tmp_path, monkeypatch):
+    called = []
+    run_scenario(beside(), hostile, tmp_path, soon=lambda: called.append(1))
+    assert called == [1]
+    monkeypatch.setattr("gossamer_orchestrator.run.process.FEW", 0)
+    monkeypatch.setattr("gossamer_orchestrator.run.process.SOON", -1.0)
+    run_scenario(beside(), hostile, tmp_path, soon=lambda: called.append(2))
+    assert called == [1]
 
 
 def test_a_state_that_no_fmu_can_serialize_or_that_is_of_another_run_is_refused(hostile, beside, fmus, chain, tmp_path):

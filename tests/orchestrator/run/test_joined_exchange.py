@@ -151,6 +151,26 @@ def test_where_they_are_integrated_one_by_one_a_warning_says_why(exchange_fmus, 
     assert f"a, b are for model exchange and connected, but {why}: each is integrated by itself" in said[0]
 
 
+@pytest.mark.parametrize("names", ["amb", "mab", "bam"])
+def test_one_that_lies_between_two_that_are_joined_is_told_why_it_delays(exchange_fmus, fmus, caplog, names):
+    """It is no circle: the first feeds both others, and the one between feeds the last."""
+    wires = ["a.y -> b.u", "a.x -> m.u", "m.y -> b.stiff"]
+    components = {
+        "a": "fmu = 'Spring2'\ninputs = { u = 0, stiff = 0 }",
+        "b": "fmu = 'Spring2'",
+        "m": f"fmu = '{fmus / 'gain.fmu'}'\ninputs = {{ 'offset[*]' = 0 }}",
+    }
+    text = "step = 0.1\nstop = 0.1\n" + "".join(f"[components.{name}]\n{components[name]}\n" for name in names)
+    for wire in wires:
+        text += '[[connections]]\ngain = 1\nfrom = "{}"\nto = "{}"\n'.format(*wire.split(" -> "))
+    make_plan(parse_scenario(text), exchange_fmus)
+    joined = "b, a" if names == "bam" else "a, b"
+    late = "a.x -> m.u" if names == "mab" else "m.y -> b.stiff"
+    assert [record.getMessage().split(": ", 1)[1] for record in caplog.records] == [
+        f"{joined} step as one, and 'm' lies between them: the connection {late} delays by one step. Choose a smaller 'step'"
+    ]
+
+
 def test_a_loop_of_large_values_is_solved_relative_to_them_though_its_nominal_values_are_1(exchange_fmus):
     """The system is linear: the places are 10^7 times those of a place of 1."""
     own, large = springs(D=3.0, stop=0.3), springs(D=3.0, stop=0.3, L=1e7)

@@ -90,6 +90,8 @@ def test_a_sweep_gathers_its_cases_and_goes_on_where_it_was_ended(call, tmp_path
     assert (tmp_path / "out/case_0002/results.nc").is_file()
     assert "holds another sweep" in call("one.u=1,2").stderr
     assert str(tmp_path) not in (tmp_path / "out/sweep.json").read_text()  # a folder may move
+    (tmp_path / "out/sweep.json").write_text("cut o")  # which ended in a traceback
+    assert "holds another sweep" in call("one.u=1,2,3").stderr
 
 
 def test_other_fmus_of_the_same_name_make_another_sweep(fmus, tmp_path):
