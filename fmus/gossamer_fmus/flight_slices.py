@@ -1,8 +1,8 @@
 """Cut what a detector computes at the end of a window into slices, one in each step after it, so that no step is long.
 
 The step of a detector calls one function of several when a window ends. The graph of this is cut: products with a large
-constant into parts of their sums, all else into functions of values that were computed before. The operations and their order
-are those of the model, so are the bits.
+constant into parts of their sums, all else into functions of values that were computed before. The operations and their
+order are those of the model, so are the bits.
 
 Symbols: ``x`` state, ``u`` inputs, ``p`` parameters, ``h`` step [s], as of a step model.
 """

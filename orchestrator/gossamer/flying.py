@@ -194,6 +194,8 @@ def _watch(setup: AnyPath | None, noise: float) -> tuple[StepModel, tuple[Vector
     from .descriptions import load_structure
 
     with progress_bar("simulating the healthy response") as bar:
-        stored = stored_responses(None if setup is None else load_structure(setup), report=lambda done: bar.update(done, 1.0))
+        stored = stored_responses(
+            None if setup is None else load_structure(setup), report=lambda done: bar.update(done, 1.0)
+        )
     model = watch_model(stored, noise)
     return model, *vectors_of(Stepper(model), example_inputs(stored, noise).T, stored.step), stored.step

@@ -94,7 +94,7 @@ def test_so_has_one_of_an_artifact(tmp_path, make):
 
 
 def small_detector():
-    """Return two windows of the detector that ships with Gossamer, with a quarter of its components and a fifth of its network."""
+    """Return two windows of the detector `nominal`, with a quarter of its components and some of its network."""
     nominal = PosteriorArtifact.default()
     windows = []
     for window in nominal.windows[:2]:
@@ -132,7 +132,8 @@ int main(void) {
   begun = c;
   for (; c.first.judging.slice != DETECTOR_N_SLICES; calls++) health |= detector_slice(&c, &work);
   health |= go();
-  printf("early %d %u %x\n", is(end + (int)DETECTOR_ANSWERS_AFTER), (unsigned)(DETECTOR_ANSWERS_AFTER - calls), health & DETECTOR_UNJUDGED);
+  printf("early %d", is(end + (int)DETECTOR_ANSWERS_AFTER));
+  printf(" %d %x\n", (int)DETECTOR_ANSWERS_AFTER - (int)calls, health & DETECTOR_UNJUDGED);
   c = begun;
   k = end + 1;
   c.live[DETECTOR_VALUES[DETECTOR_PARTS[c.first.judging.slice].first_value].place] += 1;

@@ -344,7 +344,8 @@ static uint32_t judged_further(component *c, component_work *w) {
   if ((judging->slice > 0U) && (judging->slice < COMPONENT_N_SLICES)) {
     const component_part *s = &COMPONENT_PARTS[judging->slice];
     /* a product that has begun also takes what it gave */
-    if (!values_hold(c, s->first_value, s->takes + ((judging->part > 0U) ? s->gives : 0U))) {
+    if ((judging->part >= s->parts) ||
+        !values_hold(c, s->first_value, s->takes + ((judging->part > 0U) ? s->gives : 0U))) {
       lose_window(judging);
     } else if (!ran(c, s, w)) {
       lose_window(judging);
