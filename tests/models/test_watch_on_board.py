@@ -8,7 +8,9 @@ from gossamer_models.membrane import square_structure
 from gossamer_models.twin.evidence import Evidence
 from gossamer_models.twin.on_board import LAGS, StoredWindows, example_inputs, moved, watch_model
 from gossamer_models.twin.settled import StoredResponses, stored_responses
-from gossamer_models.variables import pack, unpack
+from gossamer_models.variables import modulo, pack, unpack
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.special import chdtri
 
 SENSORS, ZONES, LASTING, WINDOWS, SAMPLES = 2, 3, 4, 2, 30  # of a period, and of a window
@@ -216,8 +218,22 @@ def test_a_load_that_does_not_repeat_and_noise_that_is_none_are_refused(stored):
         stored_responses(square_structure(4, 1), step=0.01)
     with pytest.raises(ParameterError, match="without damping no response settles"):
         stored_responses(square_structure(4, 1), parameters={"mass_damping": 0.0})
+    with pytest.raises(ParameterError, match=r"fade in 2.18e\+05 periods of the load. Raise it"):
+        stored_responses(square_structure(4, 1), parameters={"mass_damping": 1e-3})
     with pytest.raises(ParameterError, match="positive noise"):
         watch_model(stored, 0.0)
+
+
+@pytest.mark.parametrize("damping", [160.0, 1500.0])
+def test_a_response_of_much_damping_settles_slowly_too(damping):
+    much = {"mass_damping": damping}
+    stored = stored_responses(square_structure(4, 1), parameters=much, step=2e-3, exact_mesh=True)
+    assert np.ptp(stored.healthy) > 1e-4
+
+
+@given(whole=st.integers(-5000, 5000), n=st.integers(1, 500))
+def test_a_whole_number_modulo_another_is_that_of_python(whole, n):
+    assert float(modulo(ca.DM(whole), n)) == whole % n
 
 
 def test_a_response_of_little_damping_is_simulated_until_it_repeats():

@@ -22,6 +22,7 @@ from .watch import HALF, MOVED, NEIGHBOUR
 
 KINDS = ("amplitude", "damping", "modulus", "density", "prestrain")  # nuisances of the membrane and its load
 REPEATS = 1e-6  # change of a response that has settled, of its range
+FEWEST, MOST = 200, 20_000  # periods that are simulated until then
 LONGER = 2.0  # times as long as damping takes to reach it from the range
 LEAST = 20  # samples of a window
 PER_PERIOD = 2.0  # windows in a first period of the membrane, nearly
@@ -85,7 +86,8 @@ def stored_responses(
     ParameterError
         There is no built-in pressure, its period has less than 20 samples, or nothing is damped.
     ConvergenceError
-        The response does not repeat in twice the time in which damping alone lets the start fade.
+        A simulation fails, or the response does not repeat within 200 periods, or in twice the time in which damping alone
+        lets the start fade.
     """
     forward = forward_of(structure, parameters)
     numbers = {**forward.parameters, **forward.inputs}
@@ -96,7 +98,10 @@ def stored_responses(
     damping = numbers.get("mass_damping", 0.0)
     require(damping > 0.0, "without damping no response settles. Give the setup a mass_damping [1/s].")
     period = 1.0 / numbers["pressure_frequency"]
-    most = math.ceil(LONGER * 2.0 * math.log(1.0 / REPEATS) / damping / period)
+    fades = 2.0 * math.log(1.0 / REPEATS) / damping / period  # slow modes that are damped above critically take longer
+    enough = fades < MOST
+    require(enough, f"mass_damping {damping:g} 1/s lets the start fade in {fades:.3g} periods of the load. Raise it.")
+    most = max(FEWEST, math.ceil(LONGER * fades))
     windows = min(max(1, round(PER_PERIOD * period / forward.period)), int(period / step / LEAST))
     require(windows, f"a period of the load has less than {LEAST} samples. Shorten the step of {step:g} s.")
     samples = round(period / windows / step)
@@ -144,10 +149,13 @@ def _settled(
     before = np.full((len(damages), forward.sensors, N), np.inf)
     for _ in range(most):
         found, _, place = sensed.advance(place, through, {}, h)
-        change = np.abs(found - before).max() / max(np.ptp(found[0], axis=1).min(), 1e-300)
+        if not np.isfinite(found).all():
+            msg = "the simulation of the healthy response, of one near it, or of a damage fails. Lower the load."
+            raise ConvergenceError(msg)
+        change = np.abs(found - before).max() / np.ptp(found[0], axis=1).min()
         if change <= REPEATS:
             return found
         report(min(max(math.log(change) / math.log(REPEATS), 0.0), 1.0) if change < 1.0 else 0.0)
         before = found
-    msg = f"the response does not repeat within {most} periods of the load. Raise its damping, or lower the load."
+    msg = f"the response does not repeat within {most} periods of the load. Lower the load, or choose another damping."
     raise ConvergenceError(msg)
