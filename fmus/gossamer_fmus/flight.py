@@ -15,6 +15,7 @@ A folder holds, with names that begin with that of the component::
 
 from __future__ import annotations
 
+import math
 import re
 import zlib
 from collections.abc import Iterator, Sequence
@@ -29,7 +30,8 @@ from .description import Array, arrays_in_parts
 from .flight_mathematics import FloatBits, mathematics
 from .flight_slices import Slices, slices_of
 
-GOLDEN_STEPS, OF_DETECTOR = 240, 2900  # samples of the golden vectors; three windows of a detector, and their slices
+GOLDEN_STEPS = 240  # samples of the golden vectors
+BEYOND = 2  # windows of a detector after those that it was trained for, in which the last one is judged
 PERIOD = 3e-4  # [s]
 FOLLOWED = 60  # samples after a bit that flips; all of a detector, which answers once a window
 TOLERANCES = {64: 1e-12, 32: 1e-2}  # of golden vectors, over the largest value of each result
@@ -69,15 +71,16 @@ def flight_files(
     slices = slices_of(model)
     code, lists, sizes = mathematics(model, bits, slices)
     if slices is not None:
-        golden = np.vstack([*[golden[:1]] * slices.count, golden[: -slices.count]])
+        late = _steps_of(model, slices, period)
+        golden = np.vstack([*[golden[:1]] * late, golden[:-late]])
     here = Path(__file__).parent / "native/flight"
     files = {path.name: path.read_text(encoding="utf-8") for path in sorted(here.iterdir())}
     files["main.c"] = files["main.c"].replace("3e-4", repr(period))
-    files["component.h"] = _header(model, sizes, bits, slices)
+    files["component.h"] = _header(model, sizes, bits, slices, period)
     files["component_math.h"] = code
     files["component_table.h"] = _table(model, lists, bits, limit)
     files["golden.h"] = _golden(model, vectors, golden, bits, period)
-    files["INTERFACE.md"] = _interface(model, bits)
+    files["INTERFACE.md"] = _interface(model, bits, slices, period)
     names = (("component", name), ("COMPONENT", name.upper()))
 
     def named(text: str) -> str:
@@ -96,7 +99,7 @@ def golden_vectors(model: StepModel, sensor: StepModel | None) -> tuple[tuple[Ve
     sensor : StepModel or None
         The sensor whose resistance it reads; None if it reads strain.
     """
-    k = np.arange((OF_DETECTOR if sensor is None else GOLDEN_STEPS) + 1)
+    k = np.arange((GOLDEN_STEPS if sensor is not None else _windows_of(model)) + 1)
     ramp = np.interp(k, [0, 80, 110, 190, GOLDEN_STEPS], [0.04, 0.60, 0.60, 0.24, 0.24])
     strain = ramp + 0.02 * np.sin(2.0 * np.pi * 20.0 * PERIOD * k)  # over full scale
     stepper = Stepper(model)
@@ -151,7 +154,22 @@ def c_comment(text: str) -> str:
     return text.replace("*/", "* /").replace("??/", "?? /")
 
 
-def _header(model: StepModel, sizes: dict[str, int], bits: FloatBits, slices: Slices | None) -> str:
+def _windows_of(model: StepModel) -> int:
+    """Return the golden samples of a detector, in which it judges each of its windows."""
+    slices, starts = slices_of(model), {v.name: v.start or 0.0 for v in model.variables}
+    windows = BEYOND + (0 if slices is None else len(slices.windows))
+    return math.ceil((starts["start_time"] + windows * starts["window_length"]) / PERIOD)
+
+
+def _steps_of(model: StepModel, slices: Slices, period: float) -> int:
+    """Return the steps of a period from the end of a window to its results; ``component.c`` divides likewise."""
+    length = next(v.start or 0.0 for v in model.variables if v.name == "window_length")
+    left = length - 2.0 * period
+    each = 1 + math.floor(slices.count * period / left) if left > 0.0 else slices.count
+    return math.ceil(slices.count / each)
+
+
+def _header(model: StepModel, sizes: dict[str, int], bits: FloatBits, slices: Slices | None, period: float) -> str:
     """Write the interface."""
     real = "float" if bits == 32 else "double"
     parameters, inputs, results = (model.variables[part] for part in model.slices())
@@ -197,7 +215,9 @@ def _header(model: StepModel, sizes: dict[str, int], bits: FloatBits, slices: Sl
             f"#define COMPONENT_N_SLICES {len(slices.all)}U",
             f"#define COMPONENT_N_LIVE {slices.size}",
             f"#define COMPONENT_N_FOLDS {slices.folds}U",
-            f"#define COMPONENT_ANSWERS_AFTER {slices.count}U /* samples after the end of a window come its results */",
+            f"#define COMPONENT_N_PARTS {slices.count} /* of the slices of a window */",
+            f"#define COMPONENT_WINDOW_LENGTH {model.names.index('window_length')} /* among the parameters */",
+            f"#define COMPONENT_ANSWERS_AFTER {_steps_of(model, slices, period)} /* steps of {period:g} s after a window */",
             "",
             "typedef struct { /* how far the window that ended last is judged */",
             "  uint32_t slice; /* the next one; 0: none, COMPONENT_N_SLICES: all are done */",
@@ -269,7 +289,11 @@ HEALTH = (
     ("LOST", "neither copy of the state is whole, or there is none: init or restore"),
     ("CONSTANTS", "constants of the program are damaged: load it again, then init or restore"),
     ("GAP", "more than COMPONENT_LONGEST_GAP samples were missing; stays until init or restore"),
-    ("UNJUDGED", "the last window of a detector was lost, as its numbers were damaged; stays until the next one is judged"),
+    (
+        "UNJUDGED",
+        "the last window of a detector is lost: its numbers were damaged or not finite, a step failed, or the state was "
+        "restored; stays until one is judged, or init",
+    ),
 )
 _USABLE = ("MISSED", "HEALED")
 _COUNTS = ("STEPS", "REFUSED", "MISSED", "HEALED", "FAILED")
@@ -311,8 +335,8 @@ bool component_constants_hold(void);
 
 
 _OF_SLICES = """
-/* Judge the window that ended last further by one slice, as each step does; in a task that has time, results come earlier.
-   Returns health. */
+/* Judge the window that ended last further by one slice, as each step does, so that its results come earlier. Never while a
+   step of the same component runs, or of one with the same work space: call it in the same task. Returns health. */
 uint32_t component_slice(component *c, component_work *w);""".splitlines()
 
 
@@ -420,7 +444,7 @@ def _golden(model: StepModel, vectors: tuple[Vector, Vector], golden: Vector, bi
     return "\n".join(lines) + "\n"
 
 
-def _interface(model: StepModel, bits: FloatBits) -> str:
+def _interface(model: StepModel, bits: FloatBits, slices: Slices | None, period: float) -> str:
     """Write the interface to be read."""
     lines = [
         "# Interface of component",
@@ -428,6 +452,9 @@ def _interface(model: StepModel, bits: FloatBits) -> str:
         f"{model.description}. Written from the model's table of variables; numbers have {bits} bits. The model is "
         f"`{model.digest[:16]}`.",
     ]
+    if slices is not None:
+        steps = _steps_of(model, slices, period)
+        lines += ["", f"Results come {steps} steps of {period:g} s after the end of a window, later than those of the FMU."]
     for title, arrays in zip(("Parameters", "Inputs", "Results"), arrays_in_parts(model), strict=True):
         lines += ["", f"## {title}", "", "| name | unit | range | start | meaning |", "| --- | --- | --- | --- | --- |"]
         for array in arrays:

@@ -80,7 +80,7 @@ def budgets(folder: Path, name: str) -> dict[str, float]:
         run_tool(["make", "-s", "measured.o"], copy)
         sizes = _sections(run_tool(["arm-none-eabi-size", "-A", "measured.o"], copy))
         graph = next(copy.glob("*.ci")).read_text(encoding="utf-8")
-        bounds = [stack_bound(graph, f"{name}_{each}") for each in ("init", "step")]
+        bounds = [stack_bound(graph, f"{name}_{each}") for each in ("init", "step", "slice") if f"{name}_{each}" in graph]
         printed = run_tool(["make", "-s", "qemu"], copy)
     found = {key: float(value) for key, value in re.findall(r"^(\w+) (\S+)$", printed, re.MULTILINE)}
     kept = {key: found[key] for key in ("ram", "work", "most", "mean", "random", "worst", "different")}

@@ -9,16 +9,16 @@ from __future__ import annotations
 import re
 import zlib
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import casadi as ca
 import numpy as np
 from gossamer_models import StepModel
 from gossamer_models.batch.code import internal_name
+from numpy.typing import NDArray
 
 from .c_code import INTERFACE
-from .flight_slices import Slices
-from .flight_slices import table as slice_table
+from .flight_slices import TABLES, Slices, call_code, table_code, tables
 
 FloatBits = Literal[32, 64]
 _MOST_WORDS = 1 << 16  # constants that are checked before every step; where there are more, a list of them in a step
@@ -63,6 +63,23 @@ _AS_INDEX = (
 )
 
 
+class _List(NamedTuple):
+    """A list of constants: its name in C, its bytes, and whether they are those of reals."""
+
+    name: str
+    content: bytes
+    is_real: bool
+
+    @property
+    def words(self) -> NDArray[np.uint32]:
+        return np.frombuffer(self.content, dtype="<u4")
+
+    @property
+    def line(self) -> str:
+        folded = int(np.bitwise_xor.reduce(self.words))
+        return f" {{{self.name}, {self.words.size}U, {int(self.is_real)}, 0x{folded:08x}U}},"
+
+
 def mathematics(model: StepModel, bits: FloatBits, slices: Slices | None = None) -> tuple[str, str, dict[str, int]]:
     """Return what CasADi writes of init, step and slices, the table of its lists of constants, and sizes of work space."""
     parts = [] if slices is None else slices.all
@@ -86,38 +103,34 @@ def mathematics(model: StepModel, bits: FloatBits, slices: Slices | None = None)
     _check_rewritten(code, len(bodies))
     apart = {names["init"], *(names[each.name()] for each in of_parts)}
     read = _lists_in("".join(body for name, body in bodies.items() if name not in apart))
-    of_each = [_lists_in(bodies[names[each.function.name()]]) - read if each.function else set[str]() for each in parts]
+    of_each = [_lists_in(bodies[names[each.function.name()]]) if each.function else set[str]() for each in parts]
     if any(each.shape is not None and len(own) != 1 for each, own in zip(parts, of_each, strict=True)):
         msg = "CasADi wrote the constant of a product otherwise than as a list; its generator must have changed"
         raise RuntimeError(msg)
     later = set[str]().union(*of_each)
-    of_step: list[tuple[int, str, bytes, bool]] = []  # words, line of the table, content, whether they are reals
-    of_slices: list[tuple[int, str, bytes, bool]] = []
-    of_init: list[tuple[int, str, bytes, bool]] = []
-    number_of: dict[str, int] = {}  # among those of slices
-    checksum = 0
+    of_step, of_slices, of_init = list[_List](), list[_List](), list[_List]()
     for kind, name, count, values in _LIST.findall(code):
         is_real = kind == "casadi_real"
         numbers = np.array(values.replace("f", "").split(","), dtype=f"<f{bits // 8}" if is_real else "<i4")
         if int(count) != numbers.size:
             msg = f"CasADi wrote {numbers.size} numbers in {name}[{count}]; its generator must have changed"
             raise RuntimeError(msg)
-        words = np.frombuffer(numbers.tobytes(), dtype="<u4")
-        folded = int(np.bitwise_xor.reduce(words))
-        line = f" {{{name}, {words.size}U, {int(is_real)}, 0x{folded:08x}U}},"
-        if name in later:
-            number_of[name] = len(of_slices)
         of = of_step if name in read else of_slices if name in later else of_init
-        of.append((words.size, line, numbers.tobytes(), is_real))
-    of_step.sort(key=lambda entry: entry[-1])  # indices first
-    every = of_step + of_slices + of_init
-    for _, _, content, _ in every:
-        checksum = zlib.crc32(content, checksum)
-    indices = sum(not is_real for *_, is_real in of_step)
+        of.append(_List(name, numbers.tobytes(), is_real))
+    of_step.sort(key=lambda each: each.is_real)  # indices first
+    every = [*([_List(name, b"", is_real=False) for name in TABLES] if slices else []), *of_step, *of_slices, *of_init]
+    number_of = {each.name: k for k, each in enumerate(every)}
+    of_tables = [] if slices is None else tables(slices, [sorted(number_of[name] for name in each) for each in of_each])
+    for k, each in enumerate(of_tables):
+        every[k] = every[k]._replace(content=each.tobytes())
+    of_step = every[: len(of_tables) + len(of_step)]
+    checksum = zlib.crc32(b"".join(each.content for each in every))
+    indices = sum(not each.is_real for each in of_step)
     reals = max(1, len(of_step) - indices)  # where a step reads none, it checks the first of a slice
     code = _LIST.sub(lambda found: found[0].replace("static const", "static COMPONENT_CONST", 1), code)
-    few = sum(words for words, *_ in of_step) <= _MOST_WORDS
+    few = sum(each.words.size for each in of_step) <= _MOST_WORDS
     table = [
+        *(table_code(of_tables) if slices else ()),
         f"#define COMPONENT_N_LISTS {len(every)}U",
         f"#define COMPONENT_N_USED_LISTS {len(of_step + of_slices)}U",
         f"#define COMPONENT_N_STEP_LISTS {indices + reals}U",
@@ -129,12 +142,11 @@ def mathematics(model: StepModel, bits: FloatBits, slices: Slices | None = None)
         f"#define COMPONENT_STEP {names['step']}",
         "/* those that a step reads first, indices before reals, then those of slices and of init alone */",
         "static const component_list COMPONENT_LISTS[COMPONENT_N_LISTS] = {",
-        *(line for _, line, *_ in every),
+        *(each.line for each in every),
         "};",
     ]
     if slices is not None:
-        called = [names[each.function.name()] if each.function and each.shape is None else None for each in parts]
-        table += slice_table(slices, [sorted(len(of_step) + number_of[name] for name in each) for each in of_each], called)
+        table += call_code([names[each.function.name()] if each.function and each.shape is None else None for each in parts])
         for each in parts:
             if each.function and each.shape is not None:  # a constant; what multiplies with it is in component.c
                 code = code.replace(bodies[names[each.function.name()]], "")

@@ -15,7 +15,9 @@ from itertools import accumulate
 from typing import NamedTuple
 
 import casadi as ca
-from gossamer_models import ParameterError, StepModel
+import numpy as np
+from gossamer_models import StepModel
+from numpy.typing import NDArray
 
 MOST = 8192  # multiplications of a part of a product
 _LARGE = 1024  # numbers of a constant that is worth a part of its own
@@ -86,26 +88,20 @@ class Slices:
 
     @property
     def count(self) -> int:
-        """Steps from the end of a window to its results, of all windows."""
+        """Parts of slices of a window, of all windows."""
         return sum(each.parts for each in self.windows[0])
 
 
 def slices_of(model: StepModel) -> Slices | None:
-    """Cut the step of a detector; None for other models.
-
-    Raises
-    ------
-    ParameterError
-        A window ends before the slices of the last one are done.
-    """
+    """Cut the step of a detector; None for other models."""
     if "window_length" not in model.names:
         return None
     arguments = dict(zip("xuph", model.step.mx_in(), strict=True))
     results = model.step.call(list(arguments.values()), True, False)
-    call = next(n for n in _nodes(results) if n.is_call() and n.which_function().class_name() == "Switch")
+    (call,) = (n for n in _nodes(results) if n.is_call() and n.which_function().class_name() == "Switch")
     given = _before(call)
     names = [next(name for name, symbol in arguments.items() if _same(symbol, each)) for each in given[1:]]
-    functions = {each.name(): each for each in model.step.find_functions()}
+    functions = {each.name(): each for each in call.which_function().find_functions(0)}
     (otherwise,) = functions["f_default"].call(given[1:], True, False)
     judged, is_judged = ca.MX.sym("judged", otherwise.shape), ca.MX.sym("is_judged")
     latest = ca.if_else(is_judged, judged, otherwise)
@@ -118,21 +114,31 @@ def slices_of(model: StepModel) -> Slices | None:
     for window in windows:
         if idle := count - sum(each.parts for each in window):
             window.insert(-1, Slice(parts=idle))
-    starts = {v.name: v.start or 0.0 for v in model.variables}
-    samples = starts["window_length"] / starts["sampling_step"]
-    if count >= samples:
-        msg = f"{count} slices of a window do not fit into its {samples:g} samples. Train a detector with longer windows."
-        raise ParameterError(msg)
     values = [value for window in windows for each in window for value in each.gives]
     size, folds = max(v.place + v.size for v in values), 1 + max(v.fold for v in values)
     return Slices(step=step, windows=windows, size=size, folds=folds)
 
 
-_FIELDS = ("parts", "each", "rows", "terms", "columns", "first_value", "takes", "gives", "first_list", "lists", "next")
+_KINDS = ("NOTHING", "FUNCTION", "LEFT", "RIGHT")
+_FIELDS = (
+    "kind",
+    "parts",
+    "each",
+    "rows",
+    "terms",
+    "columns",
+    "first_value",
+    "takes",
+    "gives",
+    "first_list",
+    "lists",
+    "next",
+)
+TABLES = ("COMPONENT_WINDOWS", "COMPONENT_VALUES", "COMPONENT_SLICE_LISTS", "COMPONENT_PARTS")
 
 
-def table(slices: Slices, lists: Sequence[Sequence[int]], functions: Sequence[str | None]) -> list[str]:
-    """Return lines of C: slices and what they take and give.
+def tables(slices: Slices, lists: Sequence[Sequence[int]]) -> list[NDArray[np.uint32]]:
+    """Return what ``TABLES`` hold: numbers of 32 bits, a row for each item.
 
     Parameters
     ----------
@@ -140,10 +146,8 @@ def table(slices: Slices, lists: Sequence[Sequence[int]], functions: Sequence[st
         All of them.
     lists : sequence of sequence of int
         Numbers of the lists of constants that each reads.
-    functions : sequence of str or None
-        Their names in C; None where there is none to call.
     """
-    rows, pool, numbers = list[str](), list[str](), list[str]()
+    rows, pool, numbers = list[tuple[int, ...]](), list[Value](), list[int]()
     ends = set(accumulate(map(len, slices.windows)))
     for k, (each, own) in enumerate(zip(slices.all, lists, strict=True)):
         kind = "NOTHING" if each.function is None else "FUNCTION"
@@ -151,40 +155,40 @@ def table(slices: Slices, lists: Sequence[Sequence[int]], functions: Sequence[st
             kind = "LEFT" if each.is_left else "RIGHT"
         following = len(slices.all) if k + 1 in ends else k + 1
         values = (len(pool), len(each.takes), len(each.gives))
-        row = (each.parts, each.each, *(each.shape or (0, 0, 0)), *values, len(numbers), len(own), following)
-        rows.append(f" {{COMPONENT_{kind}, {', '.join(f'{n}U' for n in row)}}},")
-        pool += [f" {{{v.place}U, {v.size}U, {v.fold}U}}," for v in (*each.takes, *each.gives)]
-        numbers += [f" {n}U," for n in own]
-    begins = [0, *sorted(ends)[:-1]]
+        size = (each.parts, each.each, *(each.shape or (0, 0, 0)))
+        rows.append((_KINDS.index(kind), *size, *values, len(numbers), len(own), following))
+        pool += [*each.takes, *each.gives]
+        numbers += own
+    return [np.array(each, dtype="<u4") for each in ([0, *sorted(ends)[:-1]], pool, numbers, rows)]
+
+
+def table_code(contents: Sequence[NDArray[np.uint32]]) -> list[str]:
+    """Return lines of C that declare the tables of slices."""
+    structures = {
+        "COMPONENT_VALUES": ("component_value", ("place", "size", "fold")),
+        "COMPONENT_PARTS": ("component_part", _FIELDS),
+    }
+    lines = [
+        *(f"#define COMPONENT_{kind} {k}U" for k, kind in enumerate(_KINDS)),
+        f"#define COMPONENT_N_WINDOWS {len(contents[0])}U",
+    ]
+    for name, content in zip(TABLES, contents, strict=True):
+        of, fields = structures.get(name, ("uint32_t", ()))
+        if fields:
+            lines += ["", "typedef struct {", *(f"  uint32_t {each};" for each in fields), f"}} {of};", ""]
+        rows = [", ".join(f"{n}U" for n in np.atleast_1d(row)) for row in content]
+        lines += [
+            f"static COMPONENT_CONST {of} {name}[{len(content)}] = {{",
+            *(f" {{{row}}}," if fields else f" {row}," for row in rows),
+            "};",
+        ]
+    return lines
+
+
+def call_code(functions: Sequence[str | None]) -> list[str]:
+    """Return lines of C that call the function of a slice, by their names; None where there is none."""
     cases = [f"  case {k}U: failed = {name}(arg, res, iw, w, 0); break;" for k, name in enumerate(functions) if name]
     return [
-        "",
-        "typedef enum { COMPONENT_NOTHING, COMPONENT_FUNCTION, COMPONENT_LEFT, COMPONENT_RIGHT } component_kind;",
-        "",
-        "typedef struct {",
-        "  uint32_t place;",
-        "  uint32_t size;",
-        "  uint32_t fold;",
-        "} component_value;",
-        "",
-        "typedef struct {",
-        "  component_kind kind;",
-        *(f"  uint32_t {each};" for each in _FIELDS),
-        "} component_part;",
-        "",
-        f"static const uint32_t COMPONENT_WINDOWS[{len(begins)}] = {{{', '.join(f'{n}U' for n in begins)}}};",
-        f"#define COMPONENT_N_WINDOWS {len(begins)}U",
-        "/* what slices take and give: place, size, place of the fold */",
-        f"static const component_value COMPONENT_VALUES[{len(pool)}] = {{",
-        *pool,
-        "};",
-        f"static const uint32_t COMPONENT_SLICE_LISTS[{len(numbers)}] = {{",
-        *numbers,
-        "};",
-        "/* a row: kind, parts, terms or columns of a product in each, and what the structure says */",
-        "static const component_part COMPONENT_PARTS[COMPONENT_N_SLICES] = {",
-        *rows,
-        "};",
         "static int component_call(uint32_t slice, const component_real **arg, component_real **res, int *iw,",
         "                          component_real *w) {",
         "  int failed = 1;",
@@ -250,6 +254,7 @@ def _is_product(node: ca.MX) -> bool:
     begin, left, right = _before(node)
     constant, other = (left, right) if left.is_constant() else (right, left)
     is_plain = constant.is_constant() and constant.is_dense() and other.is_dense() and not other.is_constant()
+    is_plain = is_plain and not other.is_output()  # which would be a part of what was computed before
     return bool(is_plain and begin.is_zero() and constant.nnz() > _LARGE and _multiplications(node) > MOST // 2)
 
 

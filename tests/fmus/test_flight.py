@@ -149,6 +149,70 @@ int main(void) {
 """
 
 
+MIXED = r"""
+#include "detector.c"
+#include "golden.h"
+#include <stdio.h>
+static detector a, at_once;
+static detector_work work;
+static detector_outputs y;
+static uint32_t seed = 7U;
+static uint32_t draw(uint32_t below) {
+  seed = seed * 1664525U + 1013904223U;
+  return (seed >> 8U) % below;
+}
+int main(void) {
+  static const double ratios[] = {1.0, 2.5, 7.0}; /* of the period to the sampling step */
+  for (int run = 0; run < 3; run++) {
+    detector_parameters p = detector_start_parameters;
+    detector_inputs u;
+    detector_real before[DETECTOR_N_RESULTS], right[DETECTOR_N_RESULTS];
+    int windows = 0, published = 0, wrong = 0, lost = 0;
+    p.repeat = 1;
+    p.window_length = 60 * p.sampling_step;
+    for (int t = 0; t < 1200; t++) {
+      detector_to_inputs(GOLDEN_INPUTS[t], &u);
+      u.sequence = (t == 0) ? 0U : u.sequence + ((draw(5U) == 0U) ? draw(9U) : 1U); /* late, missing and repeated ones */
+      detector_seal(&u);
+      u.crc ^= (t > 0) && (draw(100U) == 0U); /* refused */
+      if (t == 0) {
+        (void)detector_init(&a, &p, ratios[run] * p.sampling_step, &u, &work);
+        at_once = a;
+        continue;
+      }
+      if (draw(100U) == 0U) a.live[draw(DETECTOR_N_LIVE)] += 1;
+      if (draw(20U) == 0U) (void)detector_slice(&a, &work);
+      (void)memcpy(before, a.first.results, sizeof before);
+      lost += (detector_step(&a, &u, &y, &work) & DETECTOR_UNJUDGED) != 0U;
+      if (memcmp(before, a.first.results, sizeof before) != 0) {
+        published++;
+        wrong += memcmp(right, a.first.results, sizeof right) != 0;
+      }
+      (void)detector_step(&at_once, &u, &y, &work);
+      if (at_once.first.judging.slice != 0U) {
+        windows++;
+        while (at_once.first.judging.slice != DETECTOR_N_SLICES) (void)detector_slice(&at_once, &work);
+        (void)memcpy(right, at_once.live, sizeof right);
+      }
+    }
+    printf("%d %d %d\n", published > 10 && published < windows, wrong, lost > 0);
+  }
+  return 0;
+}
+"""
+
+
+@needs_compiler
+def test_windows_do_not_mix_whatever_samples_come_and_whatever_the_period_is(tmp_path):
+    model = small_detector()
+    files = flight_files(model, "detector", *golden_vectors(model, None))
+    files["mixed.c"] = MIXED.encode()
+    for name, content in files.items():
+        (tmp_path / name).write_bytes(content)
+    run(COMPILERS[0], *STRICT[:2], "-O1", "mixed.c", "-lm", "-o", "mixed", folder=tmp_path)
+    assert run(tmp_path / "mixed", folder=tmp_path).splitlines() == ["1 0 1"] * 3
+
+
 @needs_compiler
 def test_a_window_is_judged_in_slices_and_one_that_is_damaged_meanwhile_is_said_to_be_lost(tmp_path):
     model = small_detector()
@@ -184,6 +248,7 @@ def test_so_has_the_watch_which_no_flipped_bit_makes_wrong(tmp_path):
     assert found["different"] == found["health"] == 0
     lines = run(*MAKE, "upsets", "FLIPS=50", folder=tmp_path).splitlines()
     assert all(line.endswith(" 0 of these not seen, 0 valid and wrong") for line in lines)
+    assert all(int(re.search(r"(\d+) moved", line)[1]) > 0 for line in lines)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -284,7 +284,8 @@ static void multiply(component *c, const component_part *s) {
   const bool is_left = s->kind == COMPONENT_LEFT;
   const uint32_t all = is_left ? s->terms : s->columns;
   const uint32_t length = is_left ? s->rows : s->terms; /* of a column of the constant */
-  const uint32_t begin = judging->part * s->each;
+  const uint32_t part = (judging->part < s->parts) ? judging->part : 0U;
+  const uint32_t begin = part * s->each;
   const uint32_t end = ((all - begin) > s->each) ? (begin + s->each) : all;
   const uint32_t first_term = is_left ? begin : 0U;
   const uint32_t last_term = is_left ? end : s->terms;
@@ -403,8 +404,8 @@ static component_real is_judged(component *c) {
 }
 #endif
 
-/* Carry the state over h [s] in equal parts that the model can take. */
-static bool advance(component *c, const component_real *inputs, component_real h, component_work *w) {
+/* Carry the state over h [s] in equal parts that the model can take; says whether a window has ended. */
+static bool advance(component *c, const component_real *inputs, component_real h, bool *has_ended, component_work *w) {
   component_block *next = &c->second;
   uint32_t parts = 1U;
   bool done = true;
@@ -419,6 +420,8 @@ static bool advance(component *c, const component_real *inputs, component_real h
 #ifdef COMPONENT_N_SLICES
   component_real judged = is_judged(c);
   component_real window = (component_real)-1;
+#else
+  (void)has_ended;
 #endif
   w->arg[0] = c->first.state;
   for (uint32_t i = 0U; done && (i < parts); i++) {
@@ -435,7 +438,10 @@ static bool advance(component *c, const component_real *inputs, component_real h
     done = (COMPONENT_STEP(w->arg, w->res, w->iw, w->w, 0) == 0) && all_finite(next->state, COMPONENT_N_STATES) &&
            all_finite(next->results, COMPONENT_N_RESULTS);
 #ifdef COMPONENT_N_SLICES
-    begin_window(c, w->arg[0], inputs, &part, done ? window : (component_real)-1);
+    if (done && (window >= (component_real)0)) {
+      begin_window(c, w->arg[0], inputs, &part, window);
+      *has_ended = true;
+    }
     judged = (component_real)0;
 #endif
 #if COMPONENT_STEP_LIMIT >= 0
@@ -481,11 +487,27 @@ static bool may_count(const component *c) {
 #endif
 }
 
+/* Let the second copy be where the first one is, but for what it has counted. */
+static void take_back(component *c, bool has_ended) {
+  component_block *next = &c->second;
+  (void)memcpy(next->state, c->first.state, sizeof next->state);
+  (void)memcpy(next->results, c->first.results, sizeof next->results);
+#ifdef COMPONENT_N_SLICES
+  next->judging = c->first.judging;
+  if (has_ended) { /* what slices give each other is of another window now */
+    lose_window(&next->judging);
+  }
+#else
+  (void)has_ended;
+#endif
+}
+
 /* Take a sample into the second copy, from the first. */
 static uint32_t taken(component *c, const component_inputs *u, component_work *w) {
   component_real inputs[COMPONENT_N_INPUTS];
   component_block *next = &c->second;
   uint32_t periods = 0U;
+  bool has_ended = false;
   uint32_t health = c->first.health & COMPONENT_STAYS;
   const uint32_t list = next->next_list % COMPONENT_N_REAL_LISTS;
   if (!lists_hold(0U, COMPONENT_N_INDEX_LISTS) || !lists_hold(COMPONENT_N_INDEX_LISTS + list, COMPONENT_LISTS_PER_STEP)) {
@@ -496,14 +518,12 @@ static uint32_t taken(component *c, const component_inputs *u, component_work *w
   health |= admitted(&c->first, u, inputs, &periods);
   if ((health & (COMPONENT_REFUSED | COMPONENT_REPEATED | COMPONENT_CONSTANTS)) != 0U) {
     count_up(&next->counts[COMPONENT_COUNT_REFUSED]);
-  } else if (!advance(c, inputs, c->first.period * (component_real)periods, w)) {
-    (void)memcpy(next->state, c->first.state, sizeof next->state);
-    (void)memcpy(next->results, c->first.results, sizeof next->results);
+  } else if (!advance(c, inputs, c->first.period * (component_real)periods, &has_ended, w)) {
+    take_back(c, has_ended);
     count_up(&next->counts[COMPONENT_COUNT_FAILED]);
     health |= COMPONENT_FAILED;
   } else if (!may_count(c)) {
-    (void)memcpy(next->state, c->first.state, sizeof next->state);
-    (void)memcpy(next->results, c->first.results, sizeof next->results);
+    take_back(c, has_ended);
     count_up(&next->counts[COMPONENT_COUNT_REFUSED]);
     health |= COMPONENT_CONSTANTS;
   } else {
@@ -514,12 +534,13 @@ static uint32_t taken(component *c, const component_inputs *u, component_work *w
     }
   }
 #ifdef COMPONENT_N_SLICES
-  if (c->first.judging.slice == next->judging.slice) {
+  /* so many that a window is judged before the next one ends, whatever the period is */
+  const component_real h = c->first.period * (((health & COMPONENT_MISSED) != 0U) ? (component_real)periods : (component_real)1);
+  const component_real left = c->first.parameters[COMPONENT_WINDOW_LENGTH] - (h + h); /* it ends within a step, and begins so */
+  const component_real all = (component_real)COMPONENT_N_PARTS;
+  const component_real enough = (left > (component_real)0) ? ((all * h) / left) : all;
+  for (uint32_t i = has_ended ? 1U : 0U; (i < (uint32_t)COMPONENT_N_PARTS) && ((component_real)i <= enough); i++) {
     health |= ((health & COMPONENT_CONSTANTS) == 0U) ? judged_further(c, w) : 0U;
-  } else if ((health & (COMPONENT_FAILED | COMPONENT_CONSTANTS)) != 0U) {
-    lose_window(&next->judging);
-  } else {
-    /* a window has just begun to be judged, or its results were taken */
   }
   health |= (next->judging.unjudged != 0U) ? COMPONENT_UNJUDGED : 0U;
 #endif
@@ -530,7 +551,7 @@ static uint32_t taken(component *c, const component_inputs *u, component_work *w
 uint32_t component_slice(component *c, component_work *w) {
   uint32_t health = 0U;
   if (heal(c, &health)) {
-    health |= c->first.health;
+    health |= c->first.health | (lists_hold(0U, COMPONENT_N_INDEX_LISTS) ? 0U : COMPONENT_CONSTANTS);
     health |= ((health & COMPONENT_CONSTANTS) == 0U) ? judged_further(c, w) : 0U;
     health |= (c->second.judging.unjudged != 0U) ? COMPONENT_UNJUDGED : 0U;
     c->second.health = health;
