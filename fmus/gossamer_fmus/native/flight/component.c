@@ -251,7 +251,7 @@ uint32_t component_init(component *c, const component_parameters *p, component_r
 /* A window that has ended is judged in slices, one in each step. What they give each other is in c->live, each value under a
    fold in the sealed block; constants are checked where they are used. */
 
-#define WORDS (sizeof(component_real) / 4U)
+#define WORDS ((uint32_t)sizeof(component_real) / 4U)
 
 static uint32_t folded_value(const component *c, const component_value *value) {
   return folded_words((const void *)&c->live[value->place], value->size * WORDS);
@@ -418,7 +418,7 @@ static bool advance(component *c, const component_real *inputs, component_real h
 #endif
   const component_real part = h / (component_real)parts;
 #ifdef COMPONENT_N_SLICES
-  component_real judged = is_judged(c);
+  component_real has_results = is_judged(c);
   component_real window = (component_real)-1;
 #else
   (void)has_ended;
@@ -432,7 +432,7 @@ static bool advance(component *c, const component_real *inputs, component_real h
     w->res[1] = next->results;
 #ifdef COMPONENT_N_SLICES
     w->arg[4] = c->live;
-    w->arg[5] = &judged;
+    w->arg[5] = &has_results;
     w->res[2] = &window;
 #endif
     done = (COMPONENT_STEP(w->arg, w->res, w->iw, w->w, 0) == 0) && all_finite(next->state, COMPONENT_N_STATES) &&
@@ -442,7 +442,7 @@ static bool advance(component *c, const component_real *inputs, component_real h
       begin_window(c, w->arg[0], inputs, &part, window);
       *has_ended = true;
     }
-    judged = (component_real)0;
+    has_results = (component_real)0;
 #endif
 #if COMPONENT_STEP_LIMIT >= 0
     (void)memcpy(w->x, next->state, sizeof w->x);

@@ -30,7 +30,7 @@ static component_real any_input(int i) {
   double value = GOLDEN_INPUTS[draw(GOLDEN_STEPS)][i];
   if (kind < 8U) value = GOLDEN_RANGES[i][kind % 2U];
   if (kind == 8U) value = 2.0 * fabs(GOLDEN_RANGES[i][1]) + 1.0;
-  if (kind == 9U) value = NAN;
+  if (kind == 9U) value = (double)NAN;
   return (component_real)value;
 }
 
