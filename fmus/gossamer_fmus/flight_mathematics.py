@@ -121,8 +121,8 @@ def mathematics(model: StepModel, bits: FloatBits, slices: Slices | None = None)
     every = [*([_List(name, b"", is_real=False) for name in TABLES] if slices else []), *of_step, *of_slices, *of_init]
     number_of = {each.name: k for k, each in enumerate(every)}
     of_tables = [] if slices is None else tables(slices, [sorted(number_of[name] for name in each) for each in of_each])
-    for k, each in enumerate(of_tables):
-        every[k] = every[k]._replace(content=each.tobytes())
+    for k, content in enumerate(of_tables):
+        every[k] = every[k]._replace(content=content.tobytes())
     of_step = every[: len(of_tables) + len(of_step)]
     checksum = zlib.crc32(b"".join(each.content for each in every))
     indices = sum(not each.is_real for each in of_step)

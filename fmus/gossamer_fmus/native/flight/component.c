@@ -284,8 +284,7 @@ static void multiply(component *c, const component_part *s) {
   const bool is_left = s->kind == COMPONENT_LEFT;
   const uint32_t all = is_left ? s->terms : s->columns;
   const uint32_t length = is_left ? s->rows : s->terms; /* of a column of the constant */
-  const uint32_t part = (judging->part < s->parts) ? judging->part : 0U;
-  const uint32_t begin = part * s->each;
+  const uint32_t begin = judging->part * s->each;
   const uint32_t end = ((all - begin) > s->each) ? (begin + s->each) : all;
   const uint32_t first_term = is_left ? begin : 0U;
   const uint32_t last_term = is_left ? end : s->terms;
