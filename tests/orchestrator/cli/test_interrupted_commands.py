@@ -35,7 +35,7 @@ COMMANDS = {
     "train": ["train", "few.zarr", "--window", "0.03", "--steps", "1", "--start", "start.json", "--out", "out/small.json"],
     "campaign": ["campaign", "small.toml", "--workers", "1", "--out", "out/small.zarr"],
     "report": ["report", "results"],
-    "sweep": ["sweep", "it.toml", "--fmus", "fmus", "--set", "i.u=1:8", "--out", "out/swept"],
+    "sweep": ["sweep", "it.toml", "--fmus", "fmus", "--set", "i.u=1:3", "--out", "out/swept"],
     "run": ["run", "it.toml", "--fmus", "fmus", "--out", "results"],
 }
 LIFE = 3.0  # [s] of the processor, where the whole of it is not measured
