@@ -99,11 +99,11 @@ def ending_signals() -> list[signal.Signals]:
 
 @contextmanager
 def uninterrupted(folder: Path) -> Iterator[None]:
-    """Let a signal that asks for the end wait for that of the ``with`` block: files of a folder change together in it.
+    """Hold signals as ``holding_signals`` does, while files of a folder change together.
 
     Another command that changes this folder waits too, where file systems have locks, but not for ever.
     """
-    with _locked(folder), _holding_signals():
+    with _locked(folder), holding_signals():
         yield
 
 
@@ -132,7 +132,8 @@ def _locked(folder: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _holding_signals() -> Iterator[None]:
+def holding_signals() -> Iterator[None]:
+    """Let a signal that asks for the end wait for that of the ``with`` block."""
     held: list[tuple[int, FrameType | None]] = []
     numbers = ending_signals() if threading.current_thread() is threading.main_thread() else []
     handlers = {number: handler for number in numbers if callable(handler := signal.getsignal(number))}

@@ -41,7 +41,7 @@ def passed_over(what: "sys.UnraisableHookArgs") -> None:
 
 
 def interrupt_in(seconds: float) -> None:
-    """Interrupt later, but not where signals wait for the end of a block, see ``gossamer_files.uninterrupted``."""
+    """Interrupt later, but not where signals wait for the end of a block, see ``gossamer_files.holding_signals``."""
 
     def once_more(number: int, frame: FrameType | None) -> None:
         if signal.getsignal(signal.SIGINT) is interrupt:

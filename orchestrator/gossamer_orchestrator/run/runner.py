@@ -12,7 +12,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
-from gossamer_files import uninterrupted, write_text
+from gossamer_files import holding_signals, write_text
 from gossamer_files.options import option
 
 from ..errors import OrchestratorError, ResultsError, check_path, writing
@@ -193,7 +193,7 @@ def _settle(
     full = isinstance(error, ResultsError) and (folder / files.NETCDF).exists()
     if full or (error is not None and files.has_complete(folder)):
         return last, path
-    with writing(folder, ResultsError), uninterrupted(folder):
+    with writing(folder, ResultsError), holding_signals():
         _remove_earlier(folder, drawn=resumed or (folder / files.NETCDF).is_file())
         path = path.replace(folder / files.NETCDF)
         settle_shapes(folder, kept=True)
