@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import time
+from types import SimpleNamespace
+
+import pytest
 from coupled import build
 from gossamer_orchestrator import parse_scenario, run_scenario
 from gossamer_orchestrator.results.dataset import effort_of
@@ -43,3 +47,10 @@ def test_steps_that_it_refused_and_states_that_were_restored_are_counted(tmp_pat
     data = run_scenario(parse_scenario(text), tmp_path)
     counts = {name: (each["refused"], each["restored"]) for name, each in effort_of(data).items()}
     assert counts == {"a": (10, 10), "b": (0, 10)}
+
+
+def test_a_run_does_not_wait_for_the_lock_that_it_has_itself(hostile, tmp_path, monkeypatch):
+    waits = SimpleNamespace(sleep=lambda _: pytest.fail("it waits"), time=time.time)
+    monkeypatch.setattr("gossamer_files.time", waits)
+    for _ in range(2):
+        run_scenario(parse_scenario(TWO.replace("stop = 1.0", "stop = 0.2")), hostile, tmp_path)
