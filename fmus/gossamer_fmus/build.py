@@ -35,14 +35,13 @@ import os
 import uuid
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
 from functools import partial
 from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Unpack
 
-from gossamer_files import MIXED, replacing, uninterrupted, write_archive
+from gossamer_files import MIXED, replacing_all, uninterrupted, write_archive
 from gossamer_files.options import option
 from gossamer_models import GossamerError, ParameterError, StepModel
 
@@ -190,11 +189,10 @@ def build_models(
     paths = {name: folder / f"{name}.fmu" for name in fmus}
     mark = folder / MIXED
     with uninterrupted(folder):
-        with ExitStack() as set_of_all:  # they take their places together, or none does
-            unfinished = {name: set_of_all.enter_context(replacing(path)) for name, path in paths.items()}
-            for name, members in fmus.items():
+        with replacing_all([paths[name] for name in fmus]) as unfinished:
+            for place, members in zip(unfinished, fmus.values(), strict=True):
                 ordered = sorted(members.items(), key=lambda item: (item[0] != "modelDescription.xml", item[0]))
-                write_archive(unfinished[name], dict(ordered))
+                write_archive(place, dict(ordered))
             earlier = mark.read_text(encoding="utf-8").split() if mark.is_file() else []
             mark.write_text("\n".join(sorted({*earlier, *paths})), encoding="utf-8")
         mark.unlink(missing_ok=True)

@@ -11,7 +11,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from glob import escape
@@ -42,31 +42,59 @@ def digest(path: Path) -> str:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Write a file under another name, which takes its place when the ``with`` block ends well.
+    """Write a file under another name, which takes its place when the ``with`` block ends well, see ``replacing_all``."""
+    with replacing_all([path]) as (unfinished,):
+        yield unfinished
+
+
+@contextmanager
+def replacing_all(paths: Sequence[Path]) -> Iterator[list[Path]]:
+    """Write files under other names, which take their places together when the ``with`` block ends well.
 
     Parameters
     ----------
-    path : Path
-        The file; its folder is made if needed. A link is followed; a device is written to directly.
+    paths : sequence of Path
+        The files; their folders are made if needed. A link is followed; a device is written to directly.
 
     Yields
     ------
-    Path
-        Where to write: the same folder and ending. A process that is killed leaves this file; it begins with a dot, and
+    list of Path
+        Where to write: the same folders and endings. A process that is killed leaves this file; it begins with a dot, and
         a later writer of the same file removes it.
 
     Raises
     ------
     OSError
-        It cannot be written; what was there is still there.
+        One cannot be written; what was there is still there.
     OverwriteError
-        The command under way reads it.
+        The command under way reads one of them.
     """
-    check_outputs([path])
-    target = followed(path)
-    if target.exists() and not target.is_file():  # a device, or a folder, which then refuses
-        yield target
-        return
+    check_outputs(paths)
+    targets = [followed(path) for path in paths]
+    unfinished = [_unfinished(target) for target in targets]
+    waiting = [pair for pair in zip(unfinished, targets, strict=True) if pair[0] != pair[1]]
+    try:
+        yield unfinished
+        for place, _ in waiting:
+            with place.open("rb+") as file:
+                os.fsync(file.fileno())
+        for place, target in waiting:
+            place.replace(target)
+    except OSError as error:
+        named = dict(zip(map(str, unfinished), map(str, paths), strict=True))
+        error.filename = named.get(str(error.filename), error.filename)
+        raise
+    finally:
+        for place, _ in waiting:
+            place.unlink(missing_ok=True)
+
+
+def _unfinished(target: Path) -> Path:
+    """Return where to write a file, whose folder is made, or the file itself where it is none: a device or a folder."""
+    if target.is_symlink():
+        raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(target))
+    if target.exists() and not target.is_file():
+        return target
     if target.exists() and not os.access(target, os.W_OK):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(target))
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -74,18 +102,7 @@ def replacing(path: Path) -> Iterator[Path]:
         with suppress(FileNotFoundError):  # another process removes it, too
             if time.time() - left.stat().st_mtime > STALE:
                 left.unlink()
-    unfinished = target.with_name(f".{_short(target)}.{os.urandom(4).hex()}.unfinished{target.suffix}")
-    try:
-        yield unfinished
-        with unfinished.open("rb+") as file:
-            os.fsync(file.fileno())
-        unfinished.replace(target)
-    except OSError as error:
-        if error.filename == str(unfinished):
-            error.filename = str(path)
-        raise
-    finally:
-        unfinished.unlink(missing_ok=True)
+    return target.with_name(f".{_short(target)}.{os.urandom(4).hex()}.unfinished{target.suffix}")
 
 
 def ending_signals() -> list[signal.Signals]:
@@ -101,7 +118,12 @@ def ending_signals() -> list[signal.Signals]:
 def uninterrupted(folder: Path) -> Iterator[None]:
     """Hold signals as ``holding_signals`` does, while files of a folder change together.
 
-    Another command that changes this folder waits too, where file systems have locks, but not for ever.
+    Another command that changes this folder waits too, where file systems have locks.
+
+    Raises
+    ------
+    BlockingIOError
+        It has waited for ten seconds.
     """
     with _locked(folder), holding_signals():
         yield
@@ -117,10 +139,12 @@ def _locked(folder: Path) -> Iterator[None]:
     folder.mkdir(parents=True, exist_ok=True)
     handle = os.open(folder, os.O_RDONLY)
     try:
-        for _ in range(PATIENCE):
+        for left in reversed(range(PATIENCE)):
             try:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
+                if not left:
+                    raise BlockingIOError(errno.EAGAIN, "another command writes there", str(folder)) from None
                 time.sleep(0.1)
             except OSError:  # without locks
                 break
@@ -210,8 +234,8 @@ def unfinished_of(path: Path) -> list[Path]:
 
 
 def _short(path: Path) -> str:
-    """Return the stem of a file, cut so that a name with 22 bytes more is no longer than file systems take."""
-    return os.fsdecode(os.fsencode(path.stem)[: 233 - len(os.fsencode(path.suffix))])
+    """Return the stem of a file, cut so that a name with 21 bytes more is no longer than file systems take."""
+    return os.fsencode(path.stem)[: max(0, 233 - len(os.fsencode(path.suffix)))].decode(errors="ignore")
 
 
 def reason(error: Exception) -> str:

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import json
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from gossamer_files import replacing, uninterrupted, write_text
-from gossamer_files.inputs import check_outputs
+from gossamer_files import replacing_all, uninterrupted, write_text
 from gossamer_files.options import option
 from gossamer_files.tables import TableText
 from gossamer_orchestrator.errors import require
@@ -171,11 +169,10 @@ def flight(
         framed = {name: files[name] for name in (f"{kind}.c", f"{kind}.h", f"{kind}_math.h", f"{kind}_table.h")}
         framed |= framework_files(model, kind, framework, float, period)
         files |= {f"{framework}/{name}": content for name, content in framed.items()}
-    check_outputs(folder / name for name in files)
     with uninterrupted(folder):
-        with ExitStack() as all_of_them:  # they take their places together, or none does
-            for name, content in files.items():
-                all_of_them.enter_context(replacing(folder / name)).write_bytes(content)
+        with replacing_all([folder / name for name in files]) as places:
+            for place, content in zip(places, files.values(), strict=True):
+                place.write_bytes(content)
         (folder / "budgets.json").unlink(missing_ok=True)  # of another component
     in_the_loop = [write_fmu_in_the_loop(model, kind, folder)] if hil else []
     measured = budgets(folder, kind) if measure else {}

@@ -47,7 +47,8 @@ class Drawing:
     def get_ready(self) -> None:
         """Start the processes, which takes them two seconds, unless that was done or the run is long."""
         if not self._processes and not self._is_long():
-            self._processes = [_start() for _ in SHARES]
+            with suppress(OSError):  # too many processes: this one draws what they do not
+                self._processes = [_start() for _ in SHARES]
 
     def _is_long(self) -> bool:
         paths = [self._folder / name for name in (UNFINISHED_NETCDF, NETCDF)]
@@ -87,8 +88,8 @@ class Drawing:
         if not self._processes:
             try:
                 pages = list(_draw(self._task))
-            except OrchestratorError as error:
-                problems = [str(error)]
+            except Exception as error:
+                problems = [str(error) or type(error).__name__]
         problems += [page.failure for page in pages if page.failure]
         if problems:
             why = " ".join(dict.fromkeys(problems))

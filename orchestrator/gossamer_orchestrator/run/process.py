@@ -149,8 +149,8 @@ class Process:
         while not self._closed:
             self._take(_POLL)
             now, position = time.monotonic(), self.position
-            if soon is not None and self._ticks:
-                first, begun = begin = begin or (position[TICK], now)
+            if soon is not None and self._ticks and position[TICK] and not self._closed and self.error is None:
+                first, begun = begin = begin or (position[TICK], now)  # a run that goes on begins later than at 0
                 done, left = position[TICK] - first, self._ticks - position[TICK]
                 if self._ticks <= FEW or (now - begun) * left < SOON * done:
                     soon()

@@ -267,14 +267,16 @@ def order_components(
 
 
 def _lies_between(c: Connection, feeds: Mapping[str, list[str]], groups: Iterable[list[str]]) -> str:
-    """Say which components step as one, if only that delays a connection: its receiver does not feed its sender."""
-    if c.receiver in {c.sender} | _upstream(c.sender, feeds, feeds):
-        return ""
-    group = next((group for group in groups if c.receiver in group or c.sender in group), None)
-    if group is None:
-        return ""
-    outside = c.sender if c.receiver in group else c.receiver
-    return f"{', '.join(group)} step as one, and {outside!r} lies between them"
+    """Say which components step as one, if only that delays a connection: apart from them its receiver feeds no sender."""
+    for group in groups:
+        fed = {name: [other for other in feeds if name in feeds[other]] for name in feeds}
+        others = [name for name in feeds if name not in group]
+        before, after = (set[str]().union(*(_upstream(name, feeds, edges) for name in group)) for edges in (feeds, fed))
+        between = [name for name in (c.sender, c.receiver) if name in others]
+        circle = c.receiver in {c.sender} | _upstream(c.sender, others, feeds)
+        if between and not circle and {*between} <= before & after:
+            return f"{', '.join(group)} step as one, and {between[0]!r} lies between them"
+    return ""
 
 
 def _find_loop(files: Mapping[str, FmuFile], connections: Iterable[Connection]) -> list[tuple[str, str]]:

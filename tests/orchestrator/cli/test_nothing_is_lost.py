@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import invoke
-from gossamer_files import write_text
+from gossamer_files import replacing, replacing_all, write_text
 from gossamer_files.inputs import OverwriteError, is_pipe, keeping
 from gossamer_models.detector import PosteriorArtifact
 from gossamer_models.sensor import SensorArtifact
@@ -149,7 +149,7 @@ def test_links_that_go_in_a_circle_are_refused_by_name(record, fmus, command):
 
 
 def test_a_name_that_is_as_long_as_can_be_is_written(tmp_path):
-    for name in ("n" * 250 + ".json", "\u65e5" * 83 + ".json"):
+    for name in ("n" * 250 + ".json", "a" + "\u65e5" * 83 + ".json"):
         for text in ("a", "b"):
             write_text(tmp_path / name, text)
         assert (tmp_path / name).read_text() == "b"
@@ -157,10 +157,31 @@ def test_a_name_that_is_as_long_as_can_be_is_written(tmp_path):
 
 
 def test_what_is_not_written_is_named_and_not_the_file_that_would_have_become_it(tmp_path):
-    (tmp_path / "file").touch()
-    with pytest.raises(OSError, match=r"file/x\.json|file") as caught:
-        write_text(tmp_path / "file/x.json", "b")
+    with pytest.raises(OSError, match=r"x\.json") as caught, replacing(tmp_path / "x.json"):
+        pass  # nothing is written
     assert "unfinished" not in str(caught.value)
+
+
+def test_a_link_in_a_circle_is_not_replaced(tmp_path):
+    (tmp_path / "loop.json").symlink_to("loop.json")
+    with pytest.raises(OSError, match="symbolic links"):
+        write_text(tmp_path / "loop.json", "b")
+    assert (tmp_path / "loop.json").is_symlink()
+
+
+def test_files_take_their_places_together_or_none_does(tmp_path):
+    paths = [tmp_path / name for name in "abc"]
+    for path in paths:
+        path.write_text("old")
+
+    def write_two():
+        with replacing_all(paths) as places:
+            places[0].write_text("new")
+            places[2].write_text("new")
+
+    with pytest.raises(OSError, match="b"):
+        write_two()
+    assert [path.read_text() for path in sorted(tmp_path.iterdir())] == ["old"] * 3
 
 
 def test_code_for_a_flight_processor_is_all_of_one_command(tmp_path):

@@ -50,6 +50,17 @@ def test_this_process_draws_those_of_a_long_run(data, folder, monkeypatch):
         assert (drawing._processes, drawing.finish()) == ([], [])
 
 
+def test_this_process_draws_where_no_other_can_be_started(folder, monkeypatch):
+    def refused():
+        raise OSError(11, "Resource temporarily unavailable")
+
+    monkeypatch.setattr("gossamer_orchestrator.results.drawing._start", refused)
+    with Drawing(folder) as drawing:
+        drawing.get_ready()
+        drawing.begin(1)
+        assert len(drawing.finish()) == 5
+
+
 def test_they_end_with_a_run_that_has_no_results(tmp_path):
     drawing = Drawing(tmp_path)
     drawing.get_ready()
