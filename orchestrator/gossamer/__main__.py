@@ -97,13 +97,22 @@ def main() -> None:
         ignore(numbers)
         if end.code != INTERRUPTED:
             raise
-    except KeyboardInterrupt:  # before the command began, or again while it ended
+    except BaseException as error:
         ignore(numbers)
+        if not is_interrupt(error):  # or before the command began, or again while it ended
+            raise
         print("Interrupted.", file=sys.stderr)
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError):
             stream.flush()
     os._exit(INTERRUPTED)
+
+
+def is_interrupt(error: BaseException | None) -> bool:
+    """Tell whether an interrupt ended the program, maybe as the cause of another error, as where Python makes a class."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__
+    return error is not None
 
 
 def ignore(numbers: list[signal.Signals]) -> None:

@@ -11,7 +11,7 @@ from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gossamer_files.inputs import check_outputs
+from gossamer_files.inputs import check_outputs, keep
 from gossamer_files.options import option
 from gossamer_orchestrator.errors import require
 from gossamer_orchestrator.words import counted
@@ -239,6 +239,7 @@ def inspect(what: AnyPath, *, setup: File | None = None, out: File | None = None
     structure = None if setup is None else load_structure(setup)
     if source.is_dir():
         folder, title = source if out is None else Path(out), source.resolve().name
+        keep(*source.glob("*.json"))
         history = InspectionHistory.read(source)
         other = structure is not None and structure.zone_names != history.zones
         advice = "Name the setup of their structure"

@@ -60,6 +60,16 @@ def test_the_last_inspection_decides_the_exit_code(answers):
     assert invoke(["inspect", str(answers)]).exit_code == 3
 
 
+@pytest.mark.parametrize("name", ["history.csv", "report.html"])
+def test_an_answer_is_not_written_over_by_a_link_in_the_folder_of_the_page(answers, tmp_path, name):
+    answer = next(answers.glob("*.json"))
+    before = answer.read_bytes()
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / name).symlink_to(answer)
+    assert f"out/{name} would overwrite" in invoke(["inspect", str(answers), "--out", str(tmp_path / "out")]).stderr
+    assert answer.read_bytes() == before
+
+
 def test_answers_that_make_no_history_are_named(answers, tmp_path):
     other = answer(0.0, 0.0) | {"zones": ["up", "down"]}
     (answers / "2028-02-01.json").write_text(json.dumps(other))

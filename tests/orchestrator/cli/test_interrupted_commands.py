@@ -111,6 +111,19 @@ def test_an_interrupt_is_not_lost_where_python_passes_over_exceptions(passes_ove
     assert done.stderr == "Interrupted.\n"
 
 
+def test_an_interrupt_of_which_python_makes_another_error_ends_the_command_with_a_sentence():
+    """As while it imports a class, whose names tell that class of themselves."""
+    code = (
+        "import signal\nimport gossamer.__main__ as program, gossamer.cli\n"
+        "class Name:\n    def __set_name__(self, owner, name): signal.raise_signal(signal.SIGTERM)\n"
+        "def command():\n    type('Owner', (), {'name': Name()})\n"
+        "gossamer.cli.main = command\nprogram.main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30, check=False)
+    assert done.returncode == 130
+    assert done.stderr == "Interrupted.\n"
+
+
 def wait_until_it_listens(process):
     """Return once a process has a handler of its own for SIGTERM: on a busy machine Python takes seconds to begin."""
     status = Path(f"/proc/{process.pid}/status")
