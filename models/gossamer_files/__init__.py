@@ -6,6 +6,7 @@ Models, FMUs and orchestrator use it, which may not import each other. ``measure
 from __future__ import annotations
 
 import errno
+import logging
 import math
 import os
 import signal
@@ -26,6 +27,8 @@ from .errors import exit_code as exit_code
 from .inputs import check_outputs, followed, is_pipe
 
 STALE = 3600.0  # [s] without a change: its writer was killed
+logger = logging.getLogger(__name__)
+
 PATIENCE = 100  # tries, ten a second, to be alone in a folder
 
 
@@ -118,12 +121,7 @@ def ending_signals() -> list[signal.Signals]:
 def uninterrupted(folder: Path) -> Iterator[None]:
     """Hold signals as ``holding_signals`` does, while files of a folder change together.
 
-    Another command that changes this folder waits too, where file systems have locks.
-
-    Raises
-    ------
-    BlockingIOError
-        It has waited for ten seconds.
+    Another command that changes this folder waits too, where file systems have locks, but no longer than ten seconds.
     """
     with _locked(folder), holding_signals():
         yield
@@ -144,7 +142,7 @@ def _locked(folder: Path) -> Iterator[None]:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 if not left:
-                    raise BlockingIOError(errno.EAGAIN, "another command writes there", str(folder)) from None
+                    logger.warning("another command has kept %s for a while; this one goes on beside it.", folder)
                 time.sleep(0.1)
             except OSError:  # without locks
                 break

@@ -6,11 +6,10 @@ import os
 import signal
 import threading
 import time
-from contextlib import ExitStack
 
 import numpy as np
 import pytest
-from gossamer_files import replacing, uninterrupted
+from gossamer_files import replacing, replacing_all, uninterrupted
 from gossamer_models import ArtifactError
 from gossamer_models.artifacts import read_arrays, read_artifact, write_artifact
 
@@ -111,8 +110,7 @@ def test_an_artifact_that_cannot_be_read_is_refused_in_words(tmp_path, content, 
 
 def test_a_signal_waits_until_files_that_belong_together_are_written(tmp_path):
     def write():
-        with uninterrupted(tmp_path), ExitStack() as both:
-            first, second = (both.enter_context(replacing(tmp_path / name)) for name in ("a", "b"))
+        with uninterrupted(tmp_path), replacing_all([tmp_path / "a", tmp_path / "b"]) as (first, second):
             first.write_text("new")
             signal.raise_signal(signal.SIGINT)
             second.write_text("new")
@@ -151,17 +149,18 @@ def test_two_commands_that_write_into_one_folder_do_so_one_after_the_other(tmp_p
 
 
 @pytest.mark.skipif(os.name != "posix", reason="locks folders as POSIX does")
-def test_who_holds_a_folder_for_ever_holds_up_nobody(tmp_path, monkeypatch):
+def test_who_holds_a_folder_for_ever_holds_up_nobody_and_is_told_of(tmp_path, monkeypatch, caplog):
     monkeypatch.setattr("gossamer_files.PATIENCE", 1)
     with uninterrupted(tmp_path), uninterrupted(tmp_path):
         (tmp_path / "a").write_text("written")
+    assert "another command has kept" in caplog.text
 
 
 def test_of_files_that_belong_together_all_are_written_or_none(tmp_path):
     def write():
-        with ExitStack() as both:
-            for name in ("a", "b"):
-                both.enter_context(replacing(tmp_path / name)).write_text("new")
+        with replacing_all([tmp_path / name for name in ("a", "b")]) as places:
+            for place in places:
+                place.write_text("new")
             raise OSError(28, "no space")
 
     for name in ("a", "b"):
