@@ -135,6 +135,9 @@ def _locked(folder: Path) -> Iterator[None]:
         yield
         return
     folder.mkdir(parents=True, exist_ok=True)
+    if not os.access(folder, os.R_OK):  # it may be written, but not locked
+        yield
+        return
     handle = os.open(folder, os.O_RDONLY)
     try:
         for left in reversed(range(PATIENCE)):

@@ -219,10 +219,10 @@ def _keep_plan(out: Path, cases: Sequence[Case], command: Sequence[str]) -> None
     files = {path.name: digest(path) for path in (Path(command[1]), *_fmus_of(Path(command[1]), fmus)) if path.is_file()}
     plan = json.dumps({"command": words, "files": files, "cases": [case.values for case in cases]})
     path = out / PLAN
-    if path.is_file() and path.read_bytes() != plan.encode():
-        msg = f"{out} holds another sweep. Name another folder with {option('out')}, or remove it."
-        raise ResultsError(msg)
     with writing(path, ResultsError):
+        if path.is_file() and path.read_bytes() != plan.encode():
+            msg = f"{out} holds another sweep. Name another folder with {option('out')}, or remove it."
+            raise ResultsError(msg)
         write_text(path, plan)
 
 
