@@ -85,7 +85,8 @@ def replacing_all(paths: Sequence[Path]) -> Iterator[list[Path]]:
             place.replace(target)
     except OSError as error:
         named = dict(zip(map(str, unfinished), map(str, paths), strict=True))
-        error.filename = named.get(str(error.filename), error.filename)
+        if error.filename in named:
+            error.filename = named[error.filename]
         raise
     finally:
         for place, _ in waiting:
