@@ -70,17 +70,17 @@ def flight_files(
         raise ParameterError(msg)
     slices = slices_of(model)
     code, lists, sizes = mathematics(model, bits, slices)
-    if slices is not None:
-        late = _steps_of(model, slices, period)
+    late = 0 if slices is None else _steps_of(model, slices, period)
+    if late:
         golden = np.vstack([*[golden[:1]] * late, golden[:-late]])
     here = Path(__file__).parent / "native/flight"
     files = {path.name: path.read_text(encoding="utf-8") for path in sorted(here.iterdir())}
     files["main.c"] = files["main.c"].replace("3e-4", repr(period))
-    files["component.h"] = _header(model, sizes, bits, slices, period)
+    files["component.h"] = _header(model, sizes, bits, slices, late)
     files["component_math.h"] = code
     files["component_table.h"] = _table(model, lists, bits, limit)
     files["golden.h"] = _golden(model, vectors, golden, bits, period)
-    files["INTERFACE.md"] = _interface(model, bits, slices, period)
+    files["INTERFACE.md"] = _interface(model, bits, f"{late} steps of {period:g} s" if late else "")
     names = (("component", name), ("COMPONENT", name.upper()))
 
     def named(text: str) -> str:
@@ -169,7 +169,7 @@ def _steps_of(model: StepModel, slices: Slices, period: float) -> int:
     return math.ceil(slices.count / each)
 
 
-def _header(model: StepModel, sizes: dict[str, int], bits: FloatBits, slices: Slices | None, period: float) -> str:
+def _header(model: StepModel, sizes: dict[str, int], bits: FloatBits, slices: Slices | None, late: int) -> str:
     """Write the interface."""
     real = "float" if bits == 32 else "double"
     parameters, inputs, results = (model.variables[part] for part in model.slices())
@@ -217,7 +217,7 @@ def _header(model: StepModel, sizes: dict[str, int], bits: FloatBits, slices: Sl
             f"#define COMPONENT_N_FOLDS {slices.folds}U",
             f"#define COMPONENT_N_PARTS {slices.count} /* of the slices of a window */",
             f"#define COMPONENT_WINDOW_LENGTH {model.names.index('window_length')} /* among the parameters */",
-            f"#define COMPONENT_ANSWERS_AFTER {_steps_of(model, slices, period)} /* steps of {period:g} s after a window */",
+            f"#define COMPONENT_ANSWERS_AFTER {late} /* steps after a window, of the period of the golden vectors */",
             "",
             "typedef struct { /* how far the window that ended last is judged */",
             "  uint32_t slice; /* the next one; 0: none, COMPONENT_N_SLICES: all are done */",
@@ -444,17 +444,16 @@ def _golden(model: StepModel, vectors: tuple[Vector, Vector], golden: Vector, bi
     return "\n".join(lines) + "\n"
 
 
-def _interface(model: StepModel, bits: FloatBits, slices: Slices | None, period: float) -> str:
-    """Write the interface to be read."""
+def _interface(model: StepModel, bits: FloatBits, late: str) -> str:
+    """Write the interface to be read; ``late`` says how much later than those of the FMU results come, if they do."""
     lines = [
         "# Interface of component",
         "",
         f"{model.description}. Written from the model's table of variables; numbers have {bits} bits. The model is "
         f"`{model.digest[:16]}`.",
     ]
-    if slices is not None:
-        steps = _steps_of(model, slices, period)
-        lines += ["", f"Results come {steps} steps of {period:g} s after the end of a window, later than those of the FMU."]
+    if late:
+        lines += ["", f"Results come {late} after the end of a window, later than those of the FMU."]
     for title, arrays in zip(("Parameters", "Inputs", "Results"), arrays_in_parts(model), strict=True):
         lines += ["", f"## {title}", "", "| name | unit | range | start | meaning |", "| --- | --- | --- | --- | --- |"]
         for array in arrays:

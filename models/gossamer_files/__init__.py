@@ -25,6 +25,7 @@ from .errors import GossamerError as GossamerError
 from .errors import NotFiniteError as NotFiniteError
 from .errors import exit_code as exit_code
 from .inputs import check_outputs, followed, is_pipe
+from .locks import lock
 
 STALE = 3600.0  # [s] without a change: its writer was killed
 logger = logging.getLogger(__name__)
@@ -130,31 +131,21 @@ def uninterrupted(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def _locked(folder: Path) -> Iterator[None]:
-    try:
-        import fcntl
-    except ImportError:  # Windows
-        yield
-        return
     folder.mkdir(parents=True, exist_ok=True)
-    if not os.access(folder, os.R_OK):  # it may be written, but not locked
-        yield
-        return
-    handle = os.open(folder, os.O_RDONLY)
+    handle, left = None, PATIENCE if os.access(folder, os.R_OK) else 0  # else it may be written, but not locked
+    while handle is None and left:
+        try:
+            handle = lock(folder)
+        except BlockingIOError:
+            time.sleep(0.1)
+            left -= 1
+            if not left:
+                logger.warning("another command has kept %s for a while; this one goes on beside it.", folder)
     try:
-        for left in reversed(range(PATIENCE)):
-            try:
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                if not left:
-                    logger.warning("another command has kept %s for a while; this one goes on beside it.", folder)
-                time.sleep(0.1)
-            except OSError:  # without locks
-                break
-            else:
-                break
         yield
     finally:
-        os.close(handle)
+        if handle is not None:
+            os.close(handle)
 
 
 @contextmanager

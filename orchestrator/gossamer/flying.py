@@ -153,16 +153,15 @@ def flight(
         require_tools("budgets need" if measure else "a processor in the loop needs")
     folder = Path(out)
     given: dict[str, Any] = {"artifact": None if artifact is None else Path(artifact), "scales": scales}
-    own = given if ageing else given | {"ageing": False}
-    of_watch = {"setup": setup, "noise": noise}
-    others = {"artifact": artifact, "scales": scales, "ageing": None if ageing else ageing}
-    for name, value in (others if kind == "watch" else of_watch).items():
+    bare: dict[str, Any] = {} if ageing else {"ageing": False}
+    of_watch: dict[str, object] = {"setup": setup, "noise": noise}
+    for name, value in (given | bare if kind == "watch" else of_watch).items():
         require(value is None, f"{option(name, None if value else value)} has no meaning for a {kind}. Leave it out.")
     require(noise is None or noise > 0.0, "--noise is what a watch compares with: it must be larger than 0.")
     if kind == "watch":
         model, vectors, golden, period = _watch(setup, DEFAULT_NOISE if noise is None else noise)
     else:
-        model, period = make_model(kind, **own), PERIOD
+        model, period = make_model(kind, **given, **bare), PERIOD
         vectors, golden = golden_vectors(model, None if kind == "detector" else make_model("sensor", **given))
     files = flight_files(model, kind, vectors, golden, float, period)
     if framework is not None:

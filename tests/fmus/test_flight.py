@@ -43,6 +43,11 @@ def run(*command, folder, code=0, seconds=300):
     return done.stdout
 
 
+def write(folder, files):
+    for name, content in files.items():
+        (folder / name).write_bytes(content)
+
+
 @pytest.fixture(scope="module")
 def vectors():
     sensor = make_model("sensor")
@@ -57,8 +62,7 @@ def written(vectors, tmp_path_factory):
     def get(kind, bits=64):
         if (kind, bits) not in folders:
             folders[kind, bits] = folder = tmp_path_factory.mktemp(f"{kind}_{bits}")
-            for name, content in flight_files(make_model(kind), kind, *vectors[kind], bits).items():
-                (folder / name).write_bytes(content)
+            write(folder, flight_files(make_model(kind), kind, *vectors[kind], bits))
         return folders[kind, bits]
 
     return get
@@ -87,8 +91,7 @@ def thesis_detector():
 @pytest.mark.parametrize("make", [direct_compensator, thesis_detector])
 def test_so_has_one_of_an_artifact(tmp_path, make):
     model, sensor = make()
-    for name, content in flight_files(model, "other", *golden_vectors(model, sensor)).items():
-        (tmp_path / name).write_bytes(content)
+    write(tmp_path, flight_files(model, "other", *golden_vectors(model, sensor)))
     found = printed(run(*MAKE, "golden", folder=tmp_path))
     assert found["different"] == found["health"] == 0
 
@@ -202,36 +205,33 @@ int main(void) {
 """
 
 
+def run_beside_small_detector(code, folder):
+    """Write the small detector, compile a program that includes it, and return the lines that this prints."""
+    model = small_detector()
+    write(folder, flight_files(model, "detector", *golden_vectors(model, None)) | {"program.c": code.encode()})
+    run(COMPILERS[0], *STRICT[:2], "-O1", "program.c", "-lm", "-o", "program", folder=folder)
+    return run(folder / "program", folder=folder).splitlines()
+
+
 @needs_compiler
 def test_windows_do_not_mix_whatever_samples_come_and_whatever_the_period_is(tmp_path):
-    model = small_detector()
-    files = flight_files(model, "detector", *golden_vectors(model, None))
-    files["mixed.c"] = MIXED.encode()
-    for name, content in files.items():
-        (tmp_path / name).write_bytes(content)
-    run(COMPILERS[0], *STRICT[:2], "-O1", "mixed.c", "-lm", "-o", "mixed", folder=tmp_path)
-    assert run(tmp_path / "mixed", folder=tmp_path).splitlines() == ["1 0 1"] * 3
+    assert run_beside_small_detector(MIXED, tmp_path) == ["1 0 1"] * 3
 
 
 @needs_compiler
 def test_a_window_is_judged_in_slices_and_one_that_is_damaged_meanwhile_is_said_to_be_lost(tmp_path):
-    model = small_detector()
-    files = flight_files(model, "detector", *golden_vectors(model, None))
-    files["slices.c"] = IN_SLICES.encode()
-    for name, content in files.items():
-        (tmp_path / name).write_bytes(content)
-    for compiler in COMPILERS:
-        run(compiler, *STRICT, "-fsyntax-only", "detector.c", "main.c", folder=tmp_path)
-    run(COMPILERS[0], *STRICT[:2], "-O1", "slices.c", "-lm", "-o", "slices", folder=tmp_path)
-    assert run(tmp_path / "slices", folder=tmp_path).splitlines() == [
+    assert run_beside_small_detector(IN_SLICES, tmp_path) == [
         "early 1 1 0",  # the first slice was in the step that ended the window
         "lost 1 1 until 1 1",
         "saved 1 400",
     ]
+    for compiler in COMPILERS:
+        run(compiler, *STRICT, "-fsyntax-only", "detector.c", "main.c", folder=tmp_path)
     found = printed(run(*MAKE, "golden", folder=tmp_path))
     assert found["different"] == found["health"] == 0
     lines = run(*MAKE, "upsets", "FLIPS=20", folder=tmp_path).splitlines()
     assert all(line.endswith(" 0 of these not seen, 0 valid and wrong") for line in lines)
+    assert sum(int(re.search(r"(\d+) moved", line)[1]) for line in lines) > 0
 
 
 @needs_compiler
@@ -242,8 +242,7 @@ def test_so_has_the_watch_which_no_flipped_bit_makes_wrong(tmp_path):
     stepper.warn = lambda _: None
     vectors, golden = vectors_of(stepper, example_inputs(stored, 1e-3).T, stored.step)
     assert golden[-1, 0] == 1.0  # an alarm
-    for name, content in flight_files(model, "watch", vectors, golden, period=stored.step).items():
-        (tmp_path / name).write_bytes(content)
+    write(tmp_path, flight_files(model, "watch", vectors, golden, period=stored.step))
     found = printed(run(*MAKE, "golden", folder=tmp_path))
     assert found["different"] == found["health"] == 0
     lines = run(*MAKE, "upsets", "FLIPS=50", folder=tmp_path).splitlines()

@@ -168,3 +168,18 @@ def test_of_files_that_belong_together_all_are_written_or_none(tmp_path):
     with pytest.raises(OSError, match="no space"):
         write()
     assert [(tmp_path / name).read_text() for name in ("a", "b")] == ["old", "old"]
+
+
+def test_files_take_their_places_together_or_none_does(tmp_path):
+    paths = [tmp_path / name for name in "abc"]
+    for path in paths:
+        path.write_text("old")
+
+    def write_two():
+        with replacing_all(paths) as places:
+            places[0].write_text("new")
+            places[2].write_text("new")
+
+    with pytest.raises(OSError, match="b"):
+        write_two()
+    assert [path.read_text() for path in sorted(tmp_path.iterdir())] == ["old"] * 3

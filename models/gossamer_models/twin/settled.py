@@ -99,8 +99,7 @@ def stored_responses(
     require(damping > 0.0, "without damping no response settles. Give the setup a mass_damping [1/s].")
     period = 1.0 / numbers["pressure_frequency"]
     fades = 2.0 * math.log(1.0 / REPEATS) / damping / period  # slow modes that are damped above critically take longer
-    enough = fades < MOST
-    require(enough, f"mass_damping {damping:g} 1/s lets the start fade in {fades:.3g} periods of the load. Raise it.")
+    require(fades < MOST, f"mass_damping {damping:g} 1/s lets the start fade in {fades:.3g} periods of the load. Raise it.")
     most = max(FEWEST, math.ceil(LONGER * fades))
     windows = min(max(1, round(PER_PERIOD * period / forward.period)), int(period / step / LEAST))
     require(windows, f"a period of the load has less than {LEAST} samples. Shorten the step of {step:g} s.")

@@ -74,7 +74,7 @@ def build_container(scenario: Scenario, fmus: Path, out: Path, *, fmi: int = 2) 
         msg = f"{out.name!r} cannot be the name of an FMU's binary. Use letters, digits and underscores, no digit first."
         raise ScenarioError(msg)
     with closing(make_plan(scenario, Path(fmus))) as plan:
-        if followed(out) in [file.path.resolve() for file in plan.files]:
+        if followed(out) in [followed(file.path) for file in plan.files]:
             msg = f"{out} is one of the scenario's FMUs. Name another file with {option('out')}."
             raise ScenarioError(msg)
         problems = inexpressible(scenario, "a container", _NEUTRAL, "and let the host change the container's input")

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import invoke
-from gossamer_files import replacing, replacing_all, write_text
+from gossamer_files import replacing, write_text
 from gossamer_files.inputs import OverwriteError, is_pipe, keeping
 from gossamer_models.detector import PosteriorArtifact
 from gossamer_models.sensor import SensorArtifact
@@ -167,21 +167,6 @@ def test_a_link_in_a_circle_is_not_replaced(tmp_path):
     with pytest.raises(OSError, match="symbolic links"):
         write_text(tmp_path / "loop.json", "b")
     assert (tmp_path / "loop.json").is_symlink()
-
-
-def test_files_take_their_places_together_or_none_does(tmp_path):
-    paths = [tmp_path / name for name in "abc"]
-    for path in paths:
-        path.write_text("old")
-
-    def write_two():
-        with replacing_all(paths) as places:
-            places[0].write_text("new")
-            places[2].write_text("new")
-
-    with pytest.raises(OSError, match="b"):
-        write_two()
-    assert [path.read_text() for path in sorted(tmp_path.iterdir())] == ["old"] * 3
 
 
 def test_code_for_a_flight_processor_is_all_of_one_command(tmp_path):
